@@ -1,0 +1,148 @@
+"""What the command line shows: tables on standard output, progress on standard error."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from phexfab.cad.doctor import Finding
+    from phexfab.fabrication.parts import CheckResult
+
+Report = Callable[[str, int, int], None]
+NARROW = 60
+
+
+def _console() -> Console:
+    # Made anew each time: standard output may have been redirected since the last.
+    return Console(file=sys.stdout, highlight=False)
+
+
+@contextmanager
+def progress() -> Iterator[Report | None]:
+    """Yield ``report(stage, done, total)``, or None where nobody watches: not on a terminal.
+
+    A total of 0 means that nobody knows how long the stage takes.
+    """
+    console = Console(file=sys.stderr)
+    if not console.is_terminal or console.is_dumb_terminal:
+        yield None
+        return
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("reading", total=None)
+        stage_now = ""
+
+        def report(stage: str, done: int, total: int) -> None:
+            nonlocal stage_now
+            if stage != stage_now:
+                stage_now = stage
+                bar.reset(task, description=escape(stage), total=total or None, completed=done)
+            else:
+                bar.update(task, total=total or None, completed=done)
+
+        yield report
+
+
+def figure(value: float, unit: str) -> str:
+    """Return a value with its unit in a few characters; ratios (unit ``"1"``) have none."""
+    number = f"{value:.3g}" if abs(value) < 1e4 else f"{value:.4g}"
+    return number if unit == "1" else f"{number} {unit}"
+
+
+def show_checks(results: Sequence[CheckResult]) -> None:
+    """Print the checks as a table, or two lines to a check on a narrow terminal."""
+    console = _console()
+    table = Table(box=None, pad_edge=False)
+    table.add_column("check", overflow="fold")
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("limit", justify="right", no_wrap=True)
+    table.add_column("worst", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    for result in results:
+        name, worst = escape(result.name), escape(result.worst)
+        value = figure(result.value, result.unit)
+        limit = f"{'≤' if result.sense == '<=' else '≥'} {figure(result.limit, result.unit)}"
+        verdict = "[green]ok[/]" if result.ok else "[bold red]FAILED[/]"
+        if console.width < NARROW:
+            console.print(f"{verdict} {name}\n  {value} {limit} {worst}")
+        table.add_row(name, value, limit, worst, verdict)
+    if console.width >= NARROW:
+        console.print(table)
+    for result in results:
+        if not result.ok and result.note:
+            console.print(f"[bold red]{escape(result.name)}[/]: {escape(result.note)}")
+
+
+def show_build(directory: Path) -> None:
+    """Print what lies in the output folder."""
+    console = _console()
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(overflow="fold")
+    table.add_column(justify="right", no_wrap=True)
+    for entry in sorted(directory.iterdir()):
+        if entry.is_dir():
+            files = [path for path in entry.rglob("*") if path.is_file()]
+            size = sum(path.stat().st_size for path in files)
+            table.add_row(escape(f"{entry.name}/ ({len(files)} files)"), _bytes(size))
+        else:
+            table.add_row(escape(entry.name), _bytes(entry.stat().st_size))
+    console.print()
+    console.print(f"[bold]{escape(str(directory))}[/]", soft_wrap=True)
+    console.print(table)
+
+
+def show_surfaces() -> None:
+    """Print the catalog: names, options with their defaults, and which way a surface closes."""
+    from phexfab.surface.catalog import catalog
+
+    console = _console()
+    table = Table(box=None, pad_edge=False)
+    for column in ("name", "options", "closes", "what it is"):
+        table.add_column(column, overflow="fold")
+    for name, entry in catalog.items():
+        own = {key: value for key, value in entry.options.items() if key != "bonnet_angle"}
+        options = ", ".join(f"{key} = {value:g}" for key, value in own.items())
+        period = entry.make().period
+        closes = "" if period is None else ("v" if abs(period.imag) > abs(period.real) else "u")
+        table.add_row(name, options, closes, escape(entry.description))
+    console.print(table)
+    console.print("\nEvery one also takes bonnet_angle (degrees): 90 is the conjugate surface.")
+
+
+def show_findings(findings: Sequence[Finding]) -> None:
+    """Print what the doctor found, remedies last."""
+    console = _console()
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for finding in findings:
+        verdict = "[green]ok[/]" if finding.ok else "[bold red]BROKEN[/]"
+        table.add_row(escape(finding.name), verdict, escape(finding.detail))
+    console.print(table)
+    for finding in findings:
+        if finding.remedy:
+            console.print(f"{escape(finding.name)}: {escape(finding.remedy)}", soft_wrap=True)
+
+
+def _bytes(size: int) -> str:
+    amount = float(size)
+    for unit in ("B", "kB", "MB"):
+        if amount < 1000:
+            return f"{amount:.0f} {unit}" if unit == "B" else f"{amount:.1f} {unit}"
+        amount /= 1000
+    return f"{amount:.1f} GB"

@@ -1,0 +1,41 @@
+"""The design file: what a user may ask for, validated. One frozen value, ``Design``."""
+
+from phexfab.design.load import load_design, make_design, parse_design
+from phexfab.design.materials import MATERIALS
+from phexfab.design.model import (
+    Beams,
+    Checks,
+    Design,
+    Lattice,
+    Nesting,
+    Nodes,
+    Offset,
+    Output,
+    Panels,
+    Project,
+    Sheets,
+    StockSheet,
+    Surface,
+)
+from phexfab.design.units import quantity
+
+__all__ = [
+    "MATERIALS",
+    "Beams",
+    "Checks",
+    "Design",
+    "Lattice",
+    "Nesting",
+    "Nodes",
+    "Offset",
+    "Output",
+    "Panels",
+    "Project",
+    "Sheets",
+    "StockSheet",
+    "Surface",
+    "load_design",
+    "make_design",
+    "parse_design",
+    "quantity",
+]

@@ -1,0 +1,64 @@
+"""The kinds of value that a key of the design file can hold."""
+
+from __future__ import annotations
+
+import datetime
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from phexfab.design.rules import EQUILATERAL
+from phexfab.design.units import quantity
+from phexfab.errors import DesignError
+
+
+def _of_kind(kind: str) -> BeforeValidator:
+    return BeforeValidator(lambda value: quantity(value, kind))
+
+
+def _row_ratio(value: object) -> object:
+    """Take 0.866 for the equilateral lattice: circle packings need it to the last digit."""
+    number = quantity(value, "number")
+    return EQUILATERAL if abs(number - EQUILATERAL) < 5e-4 else number
+
+
+def _pair(value: object) -> tuple[float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise DesignError("two numbers are needed; write [0.0, 1.0]")
+    return quantity(value[0], "number"), quantity(value[1], "number")
+
+
+def _range(value: object) -> object:
+    """Take ``[from, to]`` or ``"closed"``; None leaves it to the catalog."""
+    if value is None or value == "closed":
+        return value
+    if isinstance(value, str):
+        raise DesignError('a range of parameters is needed; write [from, to] or "closed"')
+    low, high = _pair(value)
+    if not low < high:
+        raise DesignError(f"the range is empty; write the smaller number first: [{high}, {low}]")
+    return low, high
+
+
+def _iso_date(value: object) -> object:
+    """Take a TOML date, or an ISO string for it."""
+    if isinstance(value, datetime.datetime):
+        return value.date()
+    if isinstance(value, str):
+        try:
+            return datetime.date.fromisoformat(value)
+        except ValueError:
+            raise DesignError("not a date; write it as 2026-05-01") from None
+    return value
+
+
+Length = Annotated[float, _of_kind("length")]
+Positive = Annotated[float, _of_kind("length"), Field(gt=0)]
+Distance = Annotated[float, _of_kind("length"), Field(ge=0)]
+Angle = Annotated[float, _of_kind("angle")]
+Density = Annotated[float, _of_kind("density"), Field(gt=0)]
+Seconds = Annotated[float, _of_kind("time"), Field(gt=0)]
+Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
+Range = Annotated[tuple[float, float] | Literal["closed"] | None, BeforeValidator(_range)]
+RowRatio = Annotated[float, BeforeValidator(_row_ratio), Field(gt=0.5)]
+Date = Annotated[datetime.date | None, BeforeValidator(_iso_date)]

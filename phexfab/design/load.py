@@ -1,0 +1,127 @@
+"""Reading a design file: TOML in, a validated ``Design`` out, or one message about all mistakes."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from phexfab.design.messages import message, problems
+from phexfab.design.model import Design, Section
+from phexfab.design.rules import Problem, broken_rules
+from phexfab.errors import DesignError
+
+
+def load_design(path: str | os.PathLike[str]) -> Design:
+    """Read and validate a design file.
+
+    Parameters
+    ----------
+    path : path to a TOML file, see ``docs/design-file.md``
+
+    Raises
+    ------
+    DesignError
+        If the file cannot be read or asks for something impossible; the message names the file
+        and, for every mistake in it, the key, the value and the remedy.
+    """
+    source = os.fspath(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise DesignError(f"{source}: there is no such file; check the path") from None
+    except IsADirectoryError:
+        raise DesignError(f"{source}: is a folder; name the design file in it") from None
+    except OSError as error:
+        raise DesignError(
+            f"{source}: cannot be read ({error.strerror}); check its permissions"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise DesignError(
+            f"{source}: is not text in UTF-8 (byte {error.start}); save it as UTF-8"
+        ) from None
+    return parse_design(text, source=source)
+
+
+def parse_design(text: str, source: str = "design") -> Design:
+    """Validate the text of a design file.
+
+    Parameters
+    ----------
+    text : str
+        TOML.
+    source : str
+        What messages call it.
+
+    Raises
+    ------
+    DesignError
+        See ``load_design``; a mistake in the TOML itself is reported with its line.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise DesignError(_syntax_message(source, text, str(error))) from None
+    return make_design(data, source=source, text=text)
+
+
+def make_design(data: Mapping[str, Any], source: str = "design", text: str = "") -> Design:
+    """Validate a design given as nested dictionaries, the way ``tomllib`` reads a file.
+
+    Parameters
+    ----------
+    data : mapping
+    source, text : str
+        Where it was read from and what stood there, kept for the report.
+
+    Raises
+    ------
+    DesignError
+        See ``load_design``.
+    """
+    try:
+        return Design.model_validate(dict(data)).read_from(source, text)
+    except ValidationError as error:
+        found = problems(error, Design)
+        # Where whole tables are wrong pydantic never came to the rules: run those it can.
+        found += [p for p in _rules_of_good_tables(data) if p not in found]
+        raise DesignError(message(source, _unique(found), data, text)) from None
+
+
+def _rules_of_good_tables(data: Mapping[str, Any]) -> list[Problem]:
+    good: dict[str, Any] = {}
+    for name, field in Design.model_fields.items():
+        kind = field.annotation
+        if not (isinstance(kind, type) and issubclass(kind, Section)):
+            continue
+        try:
+            if name in data:
+                good[name] = kind.model_validate(data[name])
+            elif not field.is_required():
+                good[name] = field.get_default(call_default_factory=True)
+        except ValidationError:
+            continue
+    return broken_rules(good)
+
+
+def _unique(found: list[Problem]) -> list[Problem]:
+    """Keep the first problem of each key: a second one is most often its consequence."""
+    by_key: dict[str, Problem] = {}
+    for problem in found:
+        by_key.setdefault(problem.key, problem)
+    return list(by_key.values())
+
+
+def _syntax_message(source: str, text: str, detail: str) -> str:
+    at = re.search(r"\(at line (\d+), column (\d+)\)", detail)
+    lines = text.splitlines()
+    number = int(at[1]) if at else len(lines)
+    shown = lines[number - 1].strip() if 0 < number <= len(lines) else ""
+    reason = re.sub(r"\s*\(at [^)]*\)", "", detail)
+    hint = 'text and numbers with a unit stand in quotes, for example thickness = "8 mm"'
+    return f"{source}: line {number} is not TOML: {reason}\n  {shown}\n  {hint}"

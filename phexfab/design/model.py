@@ -1,0 +1,331 @@
+"""The design file as a value: one frozen model per table, one field per key.
+
+Every field says in ``description`` what it means and in ``examples`` what one may write; the
+messages about wrong files and the tests of the manual are made from that. Rules that hold between
+keys are in ``rules``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from phexfab.design.fields import (
+    Angle,
+    Date,
+    Density,
+    Distance,
+    Length,
+    Pair,
+    Positive,
+    Range,
+    RowRatio,
+    Seconds,
+)
+from phexfab.design.materials import MATERIALS, known_density
+from phexfab.design.rules import EQUILATERAL, RuleBreach, broken_rules
+from phexfab.design.units import quantity
+from phexfab.errors import DesignError
+
+
+class Section(BaseModel):
+    """A table of the design file: frozen, typed strictly, unknown keys refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class _Made(Section):
+    """What parts made of a material have in common: a density that may be left out."""
+
+    @field_validator("density", mode="before", check_fields=False)
+    @classmethod
+    def _density_of_known_material(cls, value: object, info: ValidationInfo) -> object:
+        if value is not None:
+            return quantity(value, "density")
+        name = info.data.get("material")
+        if name is None:  # the material itself is wrong and reported on its own
+            return 1.0
+        density = known_density(name)
+        if density is None:
+            raise DesignError(
+                f'the density of "{name}" is not known; add density = … in kg/m3, or take one of '
+                + ", ".join(MATERIALS)
+            )
+        return density
+
+
+class Project(Section):
+    """Whose drawing it is; written into the headers of STEP and DXF and on the sheets."""
+
+    author: str = Field(default="", description="who made the design", examples=['"A. Architect"'])
+    organisation: str = Field(default="", description="office or firm", examples=['"Office"'])
+    revision: str = Field(default="", description="revision of the design", examples=['"B"'])
+    date: Date = Field(
+        default=None,
+        description="date of the design; the files carry it, so that a rebuild is the same bytes",
+        examples=["2026-05-01"],
+    )
+
+
+class Surface(Section):
+    """The smooth minimal surface and the piece of it that is built."""
+
+    name: str | None = Field(
+        default=None, description="a surface of the catalog", examples=['"catenoid"', '"enneper"']
+    )
+    order: int | None = Field(
+        default=None, ge=1, description="order of a surface that comes in orders", examples=["2"]
+    )
+    ends: int | None = Field(
+        default=None, ge=3, description="number of a k-noid's ends", examples=["5"]
+    )
+    bonnet_angle: Angle | None = Field(
+        default=None, description="member of the associate family", examples=["90", '"0.5 rad"']
+    )
+    g: str | None = Field(
+        default=None,
+        description="a surface of one's own: the Gauss map g(z)",
+        examples=['"z"', '"z**2"'],
+    )
+    height_differential: str | None = Field(
+        default=None,
+        description="with g: dh/dz, the height differential",
+        examples=['"z"', '"1/z"'],
+    )
+    base: Pair = Field(
+        default=(0.0, 0.0),
+        description="with g: the point z where w = 0, [re, im]",
+        examples=["[1, 0]"],
+    )
+    scale: Positive = Field(
+        1000.0, description="length of one unit of the surface", examples=["2200", '"2.2 m"']
+    )
+    u: Range = Field(
+        default=None,
+        description="curvature-line coordinates from, to; the catalog's when left out",
+        examples=["[-0.8, 0.8]", '"closed"'],
+    )
+    v: Range = Field(
+        default=None, description="likewise, across", examples=["[-1.0, 1.0]", '"closed"']
+    )
+
+
+class Lattice(Section):
+    """How the surface is divided into hexagons."""
+
+    panel_size: Positive = Field(
+        description="distance between neighbouring panels' centres, in the median",
+        examples=["600", '"0.6 m"'],
+    )
+    rows_along: Literal["u", "v"] = Field(
+        default="v",
+        description="the coordinate that rows of panels follow",
+        examples=['"u"', '"v"'],
+    )
+    row_ratio: RowRatio = Field(
+        default=EQUILATERAL,
+        description="distance of rows / distance of panels in a row, above 0.5",
+        examples=["0.866", "1.1"],
+    )
+    turn: Angle = Field(
+        default=0.0, description="turn of the rows off the principal direction", examples=["4"]
+    )
+
+
+class Offset(Section):
+    """Which distance between the two layers of the shell is constant."""
+
+    type: Literal["face", "edge", "vertex"] = Field(
+        default="edge",
+        description="constant distance of faces, edges or vertices",
+        examples=['"face"', '"edge"', '"vertex"'],
+    )
+    distance: Length | None = Field(
+        default=None,
+        description="offset that must be free of flipped edges, with its sign; "
+        "the structural depth on the beams' side when left out",
+        examples=["-98", '"-9.8 cm"'],
+    )
+
+
+class Panels(_Made):
+    """The panels: one per hexagon."""
+
+    material: str = Field(default="HPL", description="name for the parts list", examples=['"HPL"'])
+    density: Density = Field(
+        default=None, validate_default=True, description="may be left out", examples=["1350"]
+    )
+    thickness: Positive = Field(default=8.0, description="of the sheet", examples=["8", '"8 mm"'])
+    gap: Distance = Field(default=10.0, description="joint between two panels", examples=["10"])
+    side: Literal["outside", "inside", "centre"] = Field(
+        default="outside",
+        description="where the thickness lies: outside is where the normals point",
+        examples=['"outside"', '"inside"'],
+    )
+    edges: Literal["square", "mitred"] = Field(
+        default="square",
+        description="square cuts, or cuts along the planes through the node axes",
+        examples=['"square"', '"mitred"'],
+    )
+
+
+class Beams(_Made):
+    """The flat bars that stand on the edges of the shell."""
+
+    kind: Literal["flat", "none"] = Field(
+        default="flat", description="flat bars, or no beams", examples=['"flat"', '"none"']
+    )
+    material: str = Field(
+        default="steel S355", description="name for the parts list", examples=['"steel S355"']
+    )
+    density: Density = Field(
+        default=None, validate_default=True, description="may be left out", examples=["7850"]
+    )
+    width: Positive = Field(default=10.0, description="thickness of the bar", examples=["10"])
+    height: Positive = Field(default=90.0, description="height of the bar", examples=["90"])
+    seat: Distance = Field(
+        default=0.0, description="least height kept free between beams and panels", examples=["3"]
+    )
+    ends: Literal["mitred", "hub"] = Field(
+        default="mitred",
+        description="meet in the node axis, or stop before a hub",
+        examples=['"mitred"', '"hub"'],
+    )
+
+
+class Nodes(_Made):
+    """The hubs on the node axes."""
+
+    kind: Literal["none", "hub"] = Field(
+        default="none", description="no node parts, or a round hub", examples=['"none"', '"hub"']
+    )
+    material: str = Field(
+        default="steel S355", description="name for the parts list", examples=['"steel S355"']
+    )
+    density: Density = Field(
+        default=None, validate_default=True, description="may be left out", examples=["7850"]
+    )
+    radius: Positive = Field(default=30.0, description="of the hub", examples=["30"])
+    clearance: Distance = Field(
+        default=2.0, description="between the hub and the end of a beam", examples=["2"]
+    )
+
+
+class StockSheet(Section):
+    """A stock sheet."""
+
+    length: Positive = Field(default=3000.0, description="longer side", examples=["3000", '"3 m"'])
+    width: Positive = Field(default=1500.0, description="shorter side", examples=["1500"])
+    margin: Distance = Field(
+        default=10.0, description="kept free along the border", examples=["10"]
+    )
+    spacing: Distance = Field(
+        default=8.0, description="between parts, kerf included", examples=["8"]
+    )
+
+
+class Sheets(Section):
+    """The stock that panels and beams are cut from."""
+
+    panels: StockSheet = Field(default_factory=StockSheet)
+    beams: StockSheet = Field(default_factory=StockSheet)
+
+
+class Nesting(Section):
+    """How parts are laid out on the sheets."""
+
+    packer: Literal["spyrrow", "shelf"] = Field(
+        default="spyrrow",
+        description="spyrrow packs tightly, shelf in a moment",
+        examples=['"spyrrow"', '"shelf"'],
+    )
+    seconds: Seconds = Field(default=20.0, description="time for each material", examples=["60"])
+    seed: int = Field(default=0, ge=0, description="of the packer's random numbers", examples=["1"])
+
+
+class Checks(Section):
+    """Limits that the finished design is held against; a failed check does not stop the build."""
+
+
+class Output(Section):
+    """What the files look like."""
+
+    dxf_version: Literal["R2010", "R12"] = Field(
+        default="R2010", description="R12 for old machines", examples=['"R2010"', '"R12"']
+    )
+
+
+class Design(Section):
+    """A whole design file.
+
+    Hashable and comparable; ``model_dump()`` gives plain values and ``model_validate`` takes them
+    back. ``source`` and ``text`` tell where it was read from and what stood there.
+    """
+
+    title: str = Field(
+        default="", description="title of the project", examples=['"Catenoid pavilion"']
+    )
+    project: Project = Field(default_factory=Project)
+    surface: Surface
+    lattice: Lattice
+    offset: Offset = Field(default_factory=Offset)
+    panels: Panels = Field(default_factory=Panels)
+    beams: Beams = Field(default_factory=Beams)
+    nodes: Nodes = Field(default_factory=Nodes)
+    sheets: Sheets = Field(default_factory=Sheets)
+    nesting: Nesting = Field(default_factory=Nesting)
+    checks: Checks = Field(default_factory=Checks)
+    output: Output = Field(default_factory=Output)
+
+    _source: str = PrivateAttr("")
+    _text: str = PrivateAttr("")
+
+    @model_validator(mode="after")
+    def _rules(self) -> Design:
+        problems = broken_rules(self.sections())
+        if problems:
+            raise RuleBreach(problems)
+        return self
+
+    def __eq__(self, other: object) -> bool:
+        """Designs are equal when they ask for the same, wherever they were read from."""
+        return isinstance(other, Design) and dict(self.sections()) == dict(other.sections())
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.sections().values()))
+
+    def sections(self) -> Mapping[str, Any]:
+        """Return the tables by name."""
+        return {name: getattr(self, name) for name in type(self).model_fields}
+
+    @property
+    def source(self) -> str:
+        """The file it was read from, or ""."""
+        return self._source
+
+    @property
+    def text(self) -> str:
+        """The text of the design file, or ""."""
+        return self._text
+
+    @property
+    def name(self) -> str:
+        """The title, or else the file's name without its ending."""
+        return self.title or PurePath(self._source).stem or "shell"
+
+    def read_from(self, source: str, text: str) -> Design:
+        """Return the same design with a note of where it came from."""
+        copy = self.model_copy()
+        copy._source, copy._text = source, text
+        return copy

@@ -1,0 +1,91 @@
+"""Offsets M + d·S along the Gauss image, how far they may go, and the node axes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phexfab.errors import OffsetLimitError
+from phexfab.parallel.shell import Shell
+
+FloatArray = NDArray[np.float64]
+
+
+def edge_ratios(shell: Shell) -> FloatArray:
+    """Return (E,) signed ratios c of M's edge to the parallel edge of S, mm.
+
+    The edge of the offset M + d·S is (c + d) times that of S.
+    """
+    i, j = shell.edges[:, 0], shell.edges[:, 1]
+    m = shell.mesh.vertices[j] - shell.mesh.vertices[i]
+    s = shell.gauss.vertices[j] - shell.gauss.vertices[i]
+    return np.einsum("ij,ij->i", m, s) / np.einsum("ij,ij->i", s, s)
+
+
+def admissible_interval(shell: Shell) -> tuple[float, float]:
+    """Return the open interval (low, high) of offset distances in mm that flip no edge.
+
+    An edge vanishes at d = −c, so the limits are −min{c > 0} and min{|c| : c < 0}; infinite
+    where no such edge exists.
+    """
+    c = edge_ratios(shell)
+    low = -c[c > 0].min(initial=np.inf)
+    high = -c[c < 0].max(initial=-np.inf)
+    return float(low), float(high)
+
+
+def offset(shell: Shell, distance: float) -> Shell:
+    """Return the parallel mesh M + d·S at a constant distance.
+
+    Parameters
+    ----------
+    shell : Shell
+    distance : float
+        In mm, positive along the face normals. What is constant depends on the offset type: the
+        distance of face planes, of edges, or of vertices.
+
+    Raises
+    ------
+    OffsetLimitError
+        If an edge would flip; the message names the edge and the admissible interval.
+
+    References
+    ----------
+    Thesis §4.2; Pottmann et al. 2007, "Geometry of multi-layer freeform structures", sec. 3.
+    """
+    low, high = admissible_interval(shell)
+    if not low < distance < high:
+        ratios = edge_ratios(shell)
+        flipped = int(np.argmin(np.where(ratios * (ratios + distance) <= 0, np.abs(ratios), np.inf)))
+        raise OffsetLimitError(
+            f"offset.distance = {distance:g} mm: edge {flipped} of the shell would flip; keep the "
+            f"distance between {low:.1f} and {high:.1f} mm, or make the panels larger"
+        )
+    return shell.with_heights(shell.heights + distance * shell.gauss_heights)
+
+
+def offset_defect(shell: Shell) -> FloatArray:
+    """Return how far S misses its offset type: per face, edge or vertex, unit length.
+
+    Face type: |height − 1|; edge type: | distance of the edge's line from the origin − 1 |;
+    vertex type: | |s_v| − 1 |.
+    """
+    s = shell.gauss.vertices
+    if shell.kind == "face":
+        return np.abs(shell.gauss_heights[shell.panels] - 1)
+    if shell.kind == "vertex":
+        return np.abs(np.linalg.norm(s, axis=1) - 1)
+    a, b = s[shell.edges[:, 0]], s[shell.edges[:, 1]]
+    along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    foot = a - np.einsum("ij,ij->i", a, along)[:, None] * along
+    return np.abs(np.linalg.norm(foot, axis=1) - 1)
+
+
+def node_axes(shell: Shell) -> FloatArray:
+    """Return (V, 3) unit node axes, the directions of S's vertices.
+
+    All mid-planes of the beams at a vertex of ``shell.mesh`` contain its axis, so nodes are free
+    of torsion (thesis §4.4).
+    """
+    s = shell.gauss.vertices
+    return s / np.linalg.norm(s, axis=1, keepdims=True)

@@ -1,0 +1,289 @@
+"""The walk, on one page: design → surface → shell → parts → checks → files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from phexfab.design import Design, load_design
+from phexfab.errors import DesignError
+from phexfab.fabrication.bars import BeamSpec, beam_drop, down
+from phexfab.fabrication.beams import beams
+from phexfab.fabrication.checks import Limits, check_geometry, check_parts
+from phexfab.fabrication.nodes import NodeSpec, nodes
+from phexfab.fabrication.panels import PanelSpec, panels
+from phexfab.fabrication.parts import CheckResult, Material, Parts, Stock
+from phexfab.minimal.laplacian import MinimalSolver
+from phexfab.minimal.shell import lattice_on, surface_distance, tangent_shell
+from phexfab.parallel.offset import admissible_interval, offset
+from phexfab.parallel.shell import Shell
+from phexfab.surface import MinimalSurface, check_rectangle, from_expressions
+from phexfab.surface.catalog import surface as named_surface
+
+if TYPE_CHECKING:
+    import build123d
+    import cadquery
+
+Progress = Callable[[str, int, int], None]
+DesignLike = Design | str | PathLike[str]
+Figures = Mapping[str, tuple[float | int | str, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class Build:
+    """A design that has been built: every value on the way, and the files it can become.
+
+    Attributes
+    ----------
+    design : Design
+    surface : MinimalSurface
+        The smooth surface, in mm.
+    shell : Shell
+        M and its Gauss image S.
+    parts : Parts
+    checks : tuple of CheckResult
+    figures : mapping of name to (value, unit)
+    """
+
+    design: Design
+    surface: MinimalSurface
+    shell: Shell
+    parts: Parts
+    checks: tuple[CheckResult, ...]
+    figures: Figures
+
+    @property
+    def ok(self) -> bool:
+        """True when every check keeps its limit."""
+        return all(result.ok for result in self.checks)
+
+    @cached_property
+    def offset(self) -> Shell:
+        """The parallel shell at the design's offset distance."""
+        return offset(self.shell, offset_distance(self.design, self.shell))
+
+    def write(self, directory: str | PathLike[str], progress: Progress | None = None) -> Path:
+        """Write all files of the build into a folder; it appears whole or not at all.
+
+        Parameters
+        ----------
+        directory : path
+            A folder that an earlier build left there is replaced; its nests are used again where
+            the parts have not changed.
+        progress : callable, optional
+            Called with a stage's name, steps done and steps in all (0 where unknown).
+
+        Raises
+        ------
+        NestingError, OSError, MissingLibraryError
+        """
+        from phexfab.delivery import deliver
+
+        return deliver(self, Path(directory), progress or _silent)
+
+    def to_cadquery(self) -> cadquery.Assembly:
+        """Return a CadQuery assembly ``panels / beams / nodes`` of named, coloured solids."""
+        from phexfab.cad.cadquery import to_cadquery
+
+        return to_cadquery(self.parts, self.design.name)
+
+    def to_build123d(self) -> build123d.Compound:
+        """Return a build123d compound ``panels / beams / nodes`` of labelled, coloured solids."""
+        from phexfab.cad.build123d import to_build123d
+
+        return to_build123d(self.parts, self.design.name)
+
+
+def build(design: DesignLike, progress: Progress | None = None) -> Build:
+    """Build a design: its shell, its parts and their checks.
+
+    Parameters
+    ----------
+    design : Design or path of a design file
+    progress : callable, optional
+        Called with a stage's name, steps done and steps in all (0 where unknown).
+
+    Raises
+    ------
+    DesignError
+        If the design is wrong; the message names key, value and remedy.
+    SurfaceError, SolveError
+        If the surface is singular in the rectangle of parameters, or a solver fails.
+    """
+    say = progress or _silent
+    asked = design if isinstance(design, Design) else load_design(design)
+    say("surface", 0, 0)
+    smooth = smooth_surface(asked)
+    say("shell", 0, 0)
+    shell, index = _shell(asked, smooth)
+    say("parts", 0, 0)
+    parts = _parts(asked, shell)
+    say("checks", 0, 0)
+    limits = Limits(**asked.checks.limits())
+    distance = offset_distance(asked, shell)
+    deviation = surface_distance(smooth, shell)
+    checks = (
+        *check_geometry(shell, limits, surface_distance=deviation, offset_distance=distance),
+        *check_parts(parts, shell, limits, stocks=stocks(asked)),
+    )
+    return Build(asked, smooth, shell, parts, checks, _figures(asked, shell, parts, index))
+
+
+def check(design: DesignLike, progress: Progress | None = None) -> tuple[CheckResult, ...]:
+    """Return the checks of a design; no CAD kernel is loaded and no file is written."""
+    return build(design, progress).checks
+
+
+def smooth_surface(design: Design) -> MinimalSurface:
+    """Return the smooth surface that a design asks for, scaled to mm."""
+    asked = design.surface
+    if asked.g is not None and asked.height_differential is not None:
+        made = from_expressions(
+            g=asked.g, dh=asked.height_differential, base=complex(*asked.base)
+        )
+        if asked.bonnet_angle:
+            from phexfab.surface import associate
+
+            made = associate(made, asked.bonnet_angle)
+        return made.scaled(asked.scale)
+    options: dict[str, Any] = {"order": asked.order, "bonnet_angle": asked.bonnet_angle}
+    given = {key: value for key, value in options.items() if value is not None}
+    return named_surface(str(asked.name), **given).scaled(asked.scale)
+
+
+def parameter_rectangle(
+    design: Design, surface: MinimalSurface
+) -> tuple[tuple[float, float, float, float], bool]:
+    """Return the rectangle (u0, u1, v0, v1) of a design, and whether it closes."""
+    u0, u1, v0, v1 = surface.rectangle
+    asked = design.surface
+    closed = "closed" in (asked.u, asked.v)
+    if closed:
+        period = surface.period
+        if period is None:
+            way = "u" if asked.u == "closed" else "v"
+            raise DesignError(
+                f'surface.{way} = "closed": {surface.name} does not close; write a range '
+                f"{way} = [from, to] instead"
+            )
+        around = "v" if abs(period.imag) > abs(period.real) else "u"
+        if getattr(asked, around) != "closed":
+            raise DesignError(
+                f'surface.{"u" if around == "v" else "v"} = "closed": {surface.name} closes along '
+                f'{around}; write {around} = "closed"'
+            )
+    if isinstance(asked.u, tuple):
+        u0, u1 = asked.u
+    if isinstance(asked.v, tuple):
+        v0, v1 = asked.v
+    if closed and surface.period is not None:
+        half = abs(surface.period) / 2
+        if asked.v == "closed":
+            v0, v1 = -half, half
+        else:
+            u0, u1 = -half, half
+    return (u0, u1, v0, v1), closed
+
+
+def stocks(design: Design) -> dict[str, Stock]:
+    """Return the stock sheets of the families ``panels`` and ``beams``."""
+    asked = design.sheets
+    return {
+        name: Stock(sheet.length, sheet.width, sheet.margin, sheet.spacing)
+        for name, sheet in (("panels", asked.panels), ("beams", asked.beams))
+    }
+
+
+def specs(design: Design) -> tuple[PanelSpec, BeamSpec, NodeSpec]:
+    """Return what panels, beams and nodes are to be like."""
+    p, b, n = design.panels, design.beams, design.nodes
+    return (
+        PanelSpec(p.thickness, p.gap, p.side, p.edges, Material(p.material, p.density)),
+        BeamSpec(
+            b.width, b.height, b.ends, b.seat, n.radius, n.clearance, Material(b.material, b.density)
+        ),
+        NodeSpec(n.kind, n.radius, Material(n.material, n.density)),
+    )
+
+
+def offset_distance(design: Design, shell: Shell) -> float:
+    """Return the design's signed offset distance: the structural depth where none is given."""
+    if design.offset.distance is not None:
+        return design.offset.distance
+    panel, beam, _ = specs(design)
+    if design.beams.kind == "none":
+        return -down(panel) * panel.thickness
+    return down(panel) * (beam_drop(shell, beam, panel) + beam.height)
+
+
+def _shell(design: Design, smooth: MinimalSurface) -> tuple[Shell, int | None]:
+    """Return the discrete minimal surface, and its number of unstable directions."""
+    rectangle, closed = parameter_rectangle(design, smooth)
+    check_rectangle(smooth, rectangle[:2], rectangle[2:])
+    asked = design.lattice
+    lattice = lattice_on(
+        smooth,
+        asked.panel_size,
+        rectangle=rectangle,
+        row_ratio=asked.row_ratio,
+        rows_along=asked.rows_along,
+        turn=asked.turn,
+        closed=closed,
+    )
+    start = tangent_shell(smooth, lattice, design.offset.type)
+    solver = MinimalSolver.of(start)
+    shell = start.with_heights(solver.solve(start.heights))
+    offset(shell, offset_distance(design, shell))  # refuses a distance beyond the limits
+    return shell, solver.index
+
+
+def _parts(design: Design, shell: Shell) -> Parts:
+    panel, beam, node = specs(design)
+    if design.beams.kind == "none":
+        return Parts(panels(shell, panel), (), nodes(shell, node, beam, panel))
+    return Parts(
+        panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel)
+    )
+
+
+def _figures(design: Design, shell: Shell, parts: Parts, index: int | None) -> Figures:
+    """Return the key figures of a build, in the order in which they are read."""
+    panel, beam, _ = specs(design)
+    low, high = admissible_interval(shell)
+    size = np.ptp(shell.mesh.vertices, axis=0)
+    masses = {
+        "panels": sum(part.mass for part in parts.panels),
+        "beams": sum(part.mass for part in parts.beams),
+        "nodes": sum(part.mass for part in parts.nodes),
+    }
+    figures: dict[str, tuple[float | int | str, str]] = {
+        "panels": (len(parts.panels), ""),
+        "beams": (len(parts.beams), ""),
+        "nodes": (len(parts.nodes), ""),
+        "size x": (float(size[0]), "mm"),
+        "size y": (float(size[1]), "mm"),
+        "size z": (float(size[2]), "mm"),
+        "panel area": (sum(part.area for part in parts.panels) / 1e6, "m²"),
+        "beam length": (sum(part.length for part in parts.beams) / 1e3, "m"),
+        **{f"mass of {name}": (value, "kg") for name, value in masses.items()},
+        "offset type": (shell.kind, ""),
+        "offset distance": (offset_distance(design, shell), "mm"),
+        "offset at least": (low, "mm"),
+        "offset at most": (high, "mm"),
+        "lattice step": (shell.step, ""),
+    }
+    if parts.beams:
+        figures["beam drop"] = (beam_drop(shell, beam, panel), "mm")
+    if index is not None:
+        figures["unstable directions of the film"] = (index, "")
+    return figures
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    """Say nothing: nobody watches."""

@@ -1,0 +1,1 @@
+"""What a person looks at: pictures of the shell and its parts, and the HTML report."""

@@ -1,0 +1,1 @@
+"""Pictures of shells, Gauss images, assemblies and sheets, as PNG bytes."""
