@@ -76,7 +76,7 @@ def build(
     """Build a design: solids, cut sheets, parts list, checks and report."""
     from phexfab.cli_view import progress, show_build, show_checks
 
-    with _exit_codes():
+    with _exit_codes(design):
         asked = _read(design)
         if quick:
             shelf = asked.nesting.model_copy(update={"packer": "shelf"})
@@ -88,11 +88,9 @@ def build(
 
         with progress() as report:
             built = pipeline.build(asked, progress=report)
-            if report:
-                report("writing", 0, 0)
-            built.write(directory)
+            built.write(directory, progress=report)
         show_checks(built.checks)
-        show_build(directory)
+        show_build(directory, built.figures)
         _exit_for(built.checks)
 
 
@@ -101,7 +99,7 @@ def check(design: DesignFile) -> None:
     """Run a design's checks, without the CAD kernel and without writing files."""
     from phexfab.cli_view import progress, show_checks
 
-    with _exit_codes():
+    with _exit_codes(design):
         asked = _read(design)
         from phexfab import pipeline
 
@@ -175,15 +173,17 @@ def _exit_for(results: Sequence[CheckResult]) -> None:
 
 
 @contextmanager
-def _exit_codes() -> Iterator[None]:
+def _exit_codes(design: Path | None = None) -> Iterator[None]:
     """Turn what phexfab raises on purpose into one message and an exit code, without traceback."""
+    source = "phexfab" if design is None else str(design)
     try:
         yield
     except MissingLibraryError as error:
         typer.echo(f"phexfab: {error}", err=True)
         raise typer.Exit(BROKEN) from None
     except PhexError as error:
-        typer.echo(str(error), err=True)
+        text = str(error)
+        typer.echo(text if text.startswith(source) else f"{source}: {text}", err=True)
         raise typer.Exit(WRONG_INPUT) from None
     except BrokenPipeError:
         raise  # typer ends quietly when the reader of a pipe has gone

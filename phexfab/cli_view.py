@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Report = Callable[[str, int, int], None]
 NARROW = 60
+FAMILIES = ("panels", "beams", "nodes")
 
 
 def _console() -> Console:
@@ -59,7 +60,7 @@ def progress() -> Iterator[Report | None]:
 
 def figure(value: float, unit: str) -> str:
     """Return a value with its unit in a few characters; ratios (unit ``"1"``) have none."""
-    number = f"{value:.3g}" if abs(value) < 1e4 else f"{value:.4g}"
+    number = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
     return number if unit == "1" else f"{number} {unit}"
 
 
@@ -87,9 +88,12 @@ def show_checks(results: Sequence[CheckResult]) -> None:
             console.print(f"[bold red]{escape(result.name)}[/]: {escape(result.note)}")
 
 
-def show_build(directory: Path) -> None:
-    """Print what lies in the output folder."""
+def show_build(directory: Path, figures: Mapping[str, tuple[float | int | str, str]]) -> None:
+    """Print how many parts there are, and what lies in the output folder."""
     console = _console()
+    counts = [
+        f"{figures[name][0]} {name}" for name in FAMILIES if name in figures and figures[name][0]
+    ]
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(overflow="fold")
     table.add_column(justify="right", no_wrap=True)
@@ -101,7 +105,7 @@ def show_build(directory: Path) -> None:
         else:
             table.add_row(escape(entry.name), _bytes(entry.stat().st_size))
     console.print()
-    console.print(f"[bold]{escape(str(directory))}[/]", soft_wrap=True)
+    console.print(f"[bold]{escape(str(directory))}[/]: {', '.join(counts)}", soft_wrap=True)
     console.print(table)
 
 

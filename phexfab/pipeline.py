@@ -125,7 +125,7 @@ def build(design: DesignLike, progress: Progress | None = None) -> Build:
     say("parts", 0, 0)
     parts = _parts(asked, shell)
     say("checks", 0, 0)
-    limits = Limits(**asked.checks.limits())
+    limits = Limits(**asked.checks.model_dump(exclude_none=True))
     distance = offset_distance(asked, shell)
     deviation = surface_distance(smooth, shell)
     checks = (
@@ -144,9 +144,7 @@ def smooth_surface(design: Design) -> MinimalSurface:
     """Return the smooth surface that a design asks for, scaled to mm."""
     asked = design.surface
     if asked.g is not None and asked.height_differential is not None:
-        made = from_expressions(
-            g=asked.g, dh=asked.height_differential, base=complex(*asked.base)
-        )
+        made = from_expressions(g=asked.g, dh=asked.height_differential, base=complex(*asked.base))
         if asked.bonnet_angle:
             from phexfab.surface import associate
 
@@ -206,7 +204,13 @@ def specs(design: Design) -> tuple[PanelSpec, BeamSpec, NodeSpec]:
     return (
         PanelSpec(p.thickness, p.gap, p.side, p.edges, Material(p.material, p.density)),
         BeamSpec(
-            b.width, b.height, b.ends, b.seat, n.radius, n.clearance, Material(b.material, b.density)
+            b.width,
+            b.height,
+            b.ends,
+            b.seat,
+            n.radius,
+            n.clearance,
+            Material(b.material, b.density),
         ),
         NodeSpec(n.kind, n.radius, Material(n.material, n.density)),
     )
@@ -247,9 +251,7 @@ def _parts(design: Design, shell: Shell) -> Parts:
     panel, beam, node = specs(design)
     if design.beams.kind == "none":
         return Parts(panels(shell, panel), (), nodes(shell, node, beam, panel))
-    return Parts(
-        panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel)
-    )
+    return Parts(panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel))
 
 
 def _figures(design: Design, shell: Shell, parts: Parts, index: int | None) -> Figures:

@@ -33,12 +33,14 @@ class Pipeline(types.ModuleType):
         self.progress.append(progress)
         if self.error:
             raise self.error
-        return types.SimpleNamespace(checks=self.checks, write=self.write)
+        figures = {"panels": (304, ""), "nodes": (0, ""), "size x": (5928.0, "mm")}
+        return types.SimpleNamespace(checks=self.checks, figures=figures, write=self.write)
 
     def check(self, design, progress=None):
         return self.build(design, progress).checks
 
-    def write(self, directory):
+    def write(self, directory, progress=None):
+        self.progress.append(progress)
         (directory / "sheets").mkdir(parents=True)
         (directory / "parts.step").write_bytes(b"x" * 1500)
         (directory / "sheets" / "panels-01.dxf").write_bytes(b"x" * 20)
@@ -76,7 +78,14 @@ def test_build_writes_where_the_design_s_name_says(here, walk):
     result = run("build", "designs/house.toml")
     assert result.exit_code == 0, result.output
     assert (here / "exports" / "house" / "parts.step").exists()
-    for words in ("planarity", "≤ 1e-12", "P003", "exports/house", "parts.step", "1.5 kB"):
+    for words in (
+        "planarity",
+        "≤ 1e-12",
+        "P003",
+        "exports/house: 304 panels\n",
+        "parts.step",
+        "1.5 kB",
+    ):
         assert words in result.stdout
     assert "sheets/ (1 files)" in result.stdout
     assert result.stderr == ""
@@ -134,6 +143,7 @@ def test_errors_on_purpose_have_a_code_and_no_traceback(here, walk, command, err
     result = run(command, "designs/house.toml")
     assert (result.exit_code, result.stdout) == (code, "")
     assert str(error.args[-1]).split(":")[-1] in result.stderr
+    assert result.stderr.startswith("designs/house.toml: " if code == 2 else "phexfab: ")
     assert "Traceback" not in result.stderr
     assert not (here / "exports").exists()
 
@@ -227,7 +237,7 @@ def test_colours_are_left_out_when_not_wanted(here, walk, monkeypatch):
 
 @pytest.mark.parametrize(
     ("value", "unit", "shown"),
-    [(1.23456e-13, "1", "1.23e-13"), (81.25, "kg", "81.2 kg"), (12345.6, "mm", "1.235e+04 mm")],
+    [(1.23456e-13, "1", "1.23e-13"), (81.25, "kg", "81.2 kg"), (-12345.6, "mm", "-12346 mm")],
 )
 def test_figures_are_short(value, unit, shown):
     assert cli_view.figure(value, unit) == shown

@@ -3,8 +3,11 @@
 import datetime
 import math
 import pickle
+import re
+from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,9 +16,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from phexfab.design import MATERIALS, Design, load_design, make_design, parse_design, quantity
-from phexfab.design.model import Section, Surface
+from phexfab.design.checks import Checks
+from phexfab.design.fields import Section
+from phexfab.design.model import Surface
 from phexfab.design.rules import median_panel
 from phexfab.errors import DesignError, LatticeError
+from phexfab.fabrication import bars, nodes, panels
+from phexfab.fabrication.limits import KINDS, Limits
+from phexfab.minimal import gauss_image
 from phexfab.remesh.lattice import EQUILATERAL, check_directions, mean_distance
 from phexfab.surface.catalog import catalog
 
@@ -100,6 +108,9 @@ def test_every_key_can_be_set_and_comes_back():
         packer = "shelf"
         seconds = "1 min"
         seed = 7
+        [checks]
+        panel_mass = "25 kg"
+        shortest_edge = "3 cm"
         [output]
         dxf_version = "R12"
     """
@@ -112,6 +123,7 @@ def test_every_key_can_be_set_and_comes_back():
     assert (design.panels.density, design.beams.density) == (1100.0, MATERIALS["spruce"])
     assert (design.sheets.panels.length, design.sheets.beams.length) == (2500.0, 3000.0)
     assert design.nesting.seconds == 60.0
+    assert design.checks.limits() == {"panel_mass": 25.0, "shortest_edge": 30.0}
 
 
 def test_a_design_survives_a_round_trip_and_keeps_where_it_came_from(tmp_path):
@@ -225,6 +237,10 @@ WRONG = [
     ("nesting", 'packer = "best"', "nesting.packer", '"best"', '"spyrrow", "shelf"'),
     ("output", 'dxf_version = "R13"', "output.dxf_version", '"R13"', '"R2010", "R12"'),
     ("project", 'date = "1 May"', "project.date", '"1 May"', "write it as 2026-05-01"),
+    ("checks", "panel_mas = 3", "checks.panel_mas", "3", 'did you mean "panel_mass"?'),
+    ("checks", "panel_mass = -3", "checks.panel_mass", "-3", "must be at least 0"),
+    ("checks", 'panel_mass = "3 mm"', "checks.panel_mass", '"3 mm"', "length, but a mass"),
+    ("checks", 'mitre_angle = "3 mm"', "checks.mitre_angle", '"3 mm"', "length, but an angle"),
     ("project", "date = 3", "project.date", "3", "write it as 2026-05-01"),
 ]
 
@@ -423,6 +439,32 @@ def test_every_option_of_the_catalog_is_a_key(name):
     assert set(catalog[name].options) <= set(Surface.model_fields)
 
 
+def test_every_check_has_its_key_and_every_key_its_check():
+    assert set(Checks.model_fields) == {field.name for field in fields(Limits)} == set(KINDS)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_limits_are_given_in_the_check_s_unit(name):
+    unit = {"1": "", "mm": "mm", "deg": "deg", "kg": "kg"}[KINDS[name].unit]
+    value = f'"3 {unit}"' if unit else "3"
+    design = parse_design(with_key("checks", f"{name} = {value}"))
+    assert getattr(Limits(**design.checks.limits()), name) == 3.0
+    other = "rad/s" if not unit else "kg" if unit != "kg" else "mm"
+    assert f"checks.{name}" in refusal(with_key("checks", f'{name} = "3 {other}"'))
+
+
+def test_panels_beams_and_nodes_accept_every_choice():
+    for table, key, room in (
+        ("panels", "side", panels.SIDES),
+        ("panels", "edges", panels.EDGES),
+        ("beams", "ends", bars.ENDS),
+        ("nodes", "kind", nodes.KINDS),
+        ("offset", "type", gauss_image.KINDS),
+    ):
+        field = getattr(parse_design(MINIMAL), table).__class__.model_fields[key]
+        assert set(get_args(field.annotation)) == set(room)
+
+
 # -- the manual --------------------------------------------------------------------------------
 
 
@@ -439,11 +481,21 @@ def keys(model: type[Section], path: str = "") -> list[str]:
 
 
 @pytest.mark.parametrize("key", keys(Design))
-def test_the_manual_names_every_key(key):
+def test_the_manual_names_every_key_with_its_default(key):
     table, _, name = key.rpartition(".")
     text = MANUAL.read_text(encoding="utf-8")
     section = text.split(f"## `[{table}]`", 1)[-1].split("\n## ", 1)[0] if table else text
-    assert f"| `{name}` |" in section, f"docs/design-file.md does not explain {key}"
+    row = re.search(rf"^\| `{name}` \| (.*?) \| ", section, re.MULTILINE)
+    assert row, f"docs/design-file.md does not explain {key}"
+    value = parse_design(MINIMAL).model_dump()
+    for step in key.split("."):
+        value = value[step]
+    if table == "checks":
+        value = getattr(Limits(), name)
+    if isinstance(value, float | int) and name not in ("panel_size", "density"):
+        assert float(row[1]) == pytest.approx(value, rel=1e-4)
+    elif isinstance(value, str) and key not in ("title", "surface.name"):
+        assert row[1] == f'`"{value}"`'
 
 
 def test_the_manual_s_example_is_a_design():

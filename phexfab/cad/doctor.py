@@ -31,6 +31,9 @@ SYSTEM_PACKAGES = {
 REINSTALL = 'python -m pip install --upgrade "cadquery>=2.8" "build123d>=0.12,<0.13"'
 """Resolves all three in one command, the only order-safe way."""
 
+UNTANGLE = f'{REINSTALL} && python -m pip install --force-reinstall --no-deps "cadquery-ocp<8"'
+"""For two versions over each other: removing one of them takes files of the other along."""
+
 # What importing proves; the kernel's own package imports even when half of it was overwritten.
 _PROBES = {"OCP": "OCP.BRepPrimAPI", "cadquery": "cadquery", "build123d": "build123d"}
 _WHEELS = ("cadquery-ocp", "cadquery-ocp-novtk", "cadquery-ocp-proxy")
@@ -84,7 +87,7 @@ def remedy_for(library: str, message: str) -> str:
     if not any(wheels.values()) or not _version("cadquery" if library == "OCP" else library):
         return REINSTALL
     if len(set(filter(None, wheels.values()))) > 1:
-        return f"{REINSTALL} (two versions of OCP lie over each other)"
+        return f"{UNTANGLE} (two versions of OCP lie over each other)"
     if wheels["cadquery-ocp"]:
         return f"{force_reinstall()} (the two flavours of OCP share a folder; the last one wins)"
     return REINSTALL
@@ -150,7 +153,7 @@ def _check_wheels() -> Finding:
     if not flavours:
         return Finding("wheels", False, "no OCP wheel is installed", REINSTALL)
     if len(set(flavours)) > 1:
-        return Finding("wheels", False, f"{detail}: two versions in one folder", REINSTALL)
+        return Finding("wheels", False, f"{detail}: two versions in one folder", UNTANGLE)
     if _version("cadquery") and not wheels["cadquery-ocp"]:
         return Finding("wheels", False, f"{detail}: CadQuery needs cadquery-ocp", REINSTALL)
     if wheels["cadquery-ocp"] and _overwritten("cadquery-ocp"):

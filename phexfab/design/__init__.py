@@ -1,10 +1,10 @@
 """The design file: what a user may ask for, validated. One frozen value, ``Design``."""
 
+from phexfab.design.checks import Checks
 from phexfab.design.load import load_design, make_design, parse_design
 from phexfab.design.materials import MATERIALS
 from phexfab.design.model import (
     Beams,
-    Checks,
     Design,
     Lattice,
     Nesting,

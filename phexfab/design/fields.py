@@ -1,15 +1,21 @@
-"""The kinds of value that a key of the design file can hold."""
+"""What the tables of the design file are made of: the kinds of value that a key can hold."""
 
 from __future__ import annotations
 
 import datetime
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from phexfab.design.rules import EQUILATERAL
 from phexfab.design.units import quantity
 from phexfab.errors import DesignError
+
+
+class Section(BaseModel):
+    """A table of the design file: frozen, typed strictly, unknown keys refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
 def _of_kind(kind: str) -> BeforeValidator:
@@ -54,6 +60,9 @@ def _iso_date(value: object) -> object:
 
 Length = Annotated[float, _of_kind("length")]
 Positive = Annotated[float, _of_kind("length"), Field(gt=0)]
+Ratio = Annotated[float, _of_kind("number"), Field(ge=0)]
+Degrees = Annotated[float, _of_kind("angle"), Field(ge=0)]
+Mass = Annotated[float, _of_kind("mass"), Field(ge=0)]
 Distance = Annotated[float, _of_kind("length"), Field(ge=0)]
 Angle = Annotated[float, _of_kind("angle")]
 Density = Annotated[float, _of_kind("density"), Field(gt=0)]

@@ -12,8 +12,6 @@ from pathlib import PurePath
 from typing import Any, Literal
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     PrivateAttr,
     ValidationInfo,
@@ -21,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from phexfab.design.checks import Checks
 from phexfab.design.fields import (
     Angle,
     Date,
@@ -32,17 +31,12 @@ from phexfab.design.fields import (
     Range,
     RowRatio,
     Seconds,
+    Section,
 )
 from phexfab.design.materials import MATERIALS, known_density
 from phexfab.design.rules import EQUILATERAL, RuleBreach, broken_rules
 from phexfab.design.units import quantity
 from phexfab.errors import DesignError
-
-
-class Section(BaseModel):
-    """A table of the design file: frozen, typed strictly, unknown keys refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
 class _Made(Section):
@@ -252,10 +246,6 @@ class Nesting(Section):
     )
     seconds: Seconds = Field(default=20.0, description="time for each material", examples=["60"])
     seed: int = Field(default=0, ge=0, description="of the packer's random numbers", examples=["1"])
-
-
-class Checks(Section):
-    """Limits that the finished design is held against; a failed check does not stop the build."""
 
 
 class Output(Section):

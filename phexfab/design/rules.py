@@ -132,7 +132,7 @@ def one_surface(surface: m.Surface) -> Iterator[Problem]:
             'add name = "catenoid" (phexfab surfaces lists them), or g and height_differential',
         )
     elif own:
-        for option in ("order", "ends", "bonnet_angle"):
+        for option in ("order", "ends"):
             if getattr(surface, option) is not None:
                 yield Problem(
                     f"surface.{option}",

@@ -29,7 +29,7 @@ BOM_COLUMNS: dict[str, int | None] = {
     "length_mm": 2,
     "width_mm": 2,
     "area_m2": 6,
-    "volume_mm3": 3,
+    "volume_mm3": 4,
     "mass_kg": 4,
     "bevels_deg": None,
     "mitres_deg": None,

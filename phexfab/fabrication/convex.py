@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phexfab.fabrication.parts import Solid
+from phexfab.fabrication.parts import Cylinder, Solid
 from phexfab.fabrication.polyhedra import prism_faces
 
 FloatArray = NDArray[np.float64]
@@ -29,20 +29,21 @@ BoolArray = NDArray[np.bool_]
 Faces = tuple[tuple[int, ...], ...]
 
 CHUNK = 2_000_000  # projections held at once, some tens of megabytes
-PLANES = 24  # of a cell with more faces (a prism for a cylinder) only so many are tried
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Convex cells of one topology.
+    """Convex cells of one kind: polyhedra of one topology, or cylinders.
 
     Attributes
     ----------
-    points : (M, n, 3) corners, mm
+    points : (M, n, 3) corners in mm; of a cylinder the two ends of its axis
     normals : (M, d, 3) outward unit normals of faces (zero where a face has no area)
     support : (M, d) the largest ``normal·x`` over the cell
-    edges : (e, 2) corner pairs, one of each edge
+    edges : (e, 2) corner pairs, one of each edge; of a cylinder its axis
     solid : (M,) the solid that each cell belongs to
+    axis : (M, 3) unit axes of cylinders; None for polyhedra
+    radius : (M,) radii of cylinders in mm; None for polyhedra
     """
 
     points: FloatArray
@@ -50,17 +51,48 @@ class Cells:
     support: FloatArray
     edges: IntArray
     solid: IntArray
+    axis: FloatArray | None = None
+    radius: FloatArray | None = None
+
+    def swell(self, i: IntArray, directions: FloatArray) -> FloatArray | float:
+        """Return (n, k): how far cell ``i`` reaches past its points along unit directions."""
+        if self.axis is None or self.radius is None:
+            return 0.0
+        cosine = np.einsum("nki,ni->nk", directions, self.axis[i])
+        return np.asarray(self.radius[i, None] * np.sqrt(np.clip(1 - cosine * cosine, 0, 1)))
+
+    @property
+    def boxes(self) -> tuple[FloatArray, FloatArray]:
+        """(M, 3) lower and upper corners of axis-parallel boxes around the cells."""
+        everyone = np.arange(len(self.points))
+        room = self.swell(everyone, np.broadcast_to(np.eye(3), (len(everyone), 3, 3)))
+        return self.points.min(axis=1) - room, self.points.max(axis=1) + room
 
 
-def by_topology(solids: Sequence[Solid]) -> list[tuple[IntArray, FloatArray, Faces]]:
-    """Return ``indices, vertices (k, n, 3), faces`` for the solids of each topology."""
-    groups: dict[tuple[Faces, int], list[int]] = {}
+def by_topology(
+    solids: Sequence[Solid | Cylinder],
+) -> list[tuple[IntArray, FloatArray, Faces]]:
+    """Return ``indices, vertices (k, n, 3), faces`` for the polyhedra of each topology."""
+    groups: dict[tuple[Faces, int], tuple[list[int], list[FloatArray]]] = {}
     for index, solid in enumerate(solids):
-        groups.setdefault((solid.faces, len(solid.vertices)), []).append(index)
+        if isinstance(solid, Solid):
+            kind = solid.faces, len(solid.vertices)
+            members, vertices = groups.setdefault(kind, ([], []))
+            members.append(index)
+            vertices.append(solid.vertices)
     return [
-        (np.array(members), np.stack([solids[i].vertices for i in members]), faces)
-        for (faces, _), members in groups.items()
+        (np.array(members), np.stack(vertices), faces)
+        for (faces, _), (members, vertices) in groups.items()
     ]
+
+
+def solid_edges(faces: Faces) -> IntArray:
+    """Return the (e, 2) edges of a solid's faces, each once, sorted."""
+    return np.array(sorted({(min(a, b), max(a, b)) for f in faces for a, b in _sides(f)}))
+
+
+def _sides(face: tuple[int, ...]) -> list[tuple[int, int]]:
+    return [(face[k - 1], face[k]) for k in range(len(face))]
 
 
 def face_planes(points: FloatArray, faces: Faces) -> FloatArray:
@@ -76,37 +108,44 @@ def face_planes(points: FloatArray, faces: Faces) -> FloatArray:
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
-def convex_cells(solids: Sequence[Solid]) -> list[Cells]:
+def convex_cells(solids: Sequence[Solid | Cylinder]) -> list[Cells]:
     """Return convex cells whose hulls cover the solids.
 
-    A convex solid is one cell. A non-convex one is the wedges over a fan if it has the faces of
-    ``prism_faces``, else it is one cell, its hull.
+    A convex solid is one cell, a cylinder too. A non-convex solid is the wedges over a fan if it
+    has the faces of ``prism_faces``, else it is one cell, its hull.
     """
-    found = []
+    round_ones = [k for k, solid in enumerate(solids) if isinstance(solid, Cylinder)]
+    found = [_cylinders(np.array(round_ones), solids)] if round_ones else []
     for index, vertices, faces in by_topology(solids):
-        cell = _cells(index, vertices, faces)
         k = len(vertices[0]) // 2
-        bent = ~_is_convex(vertices, faces)
-        if faces != prism_faces(k) or not bent.any():
-            found.append(cell)
-            continue
+        bent = ~_is_convex(vertices, faces) & (faces == prism_faces(k))
         if not bent.all():
             found.append(_cells(index[~bent], vertices[~bent], faces))
-        wedges = _wedges(vertices[bent], k)
-        owner = np.repeat(index[bent], k - 2)
-        found.append(_cells(owner, wedges, prism_faces(3)))
+        if bent.any():
+            wedges = _wedges(vertices[bent], k)
+            found.append(_cells(np.repeat(index[bent], k - 2), wedges, prism_faces(3)))
     return found
 
 
 def _cells(index: IntArray, points: FloatArray, faces: Faces) -> Cells:
-    tried = faces
-    if len(faces) > PLANES:
-        step = -(-(len(faces) - 2) // (PLANES - 2))
-        tried = faces[:2] + faces[2::step]
-    normals = face_planes(points, tried)
+    normals = face_planes(points, faces)
     support = np.einsum("mdi,mni->mdn", normals, points).max(axis=2)
-    pairs = {tuple(sorted((f[k - 1], f[k]))) for f in faces for k in range(len(f))}
-    return Cells(points, normals, support, np.array(sorted(pairs)), index)
+    return Cells(points, normals, support, solid_edges(faces), index)
+
+
+def _cylinders(index: IntArray, solids: Sequence[Solid | Cylinder]) -> Cells:
+    several = [solid for k in index.tolist() if isinstance(solid := solids[k], Cylinder)]
+    axis = np.array([one.axis for one in several])
+    axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    base = np.array([one.base for one in several])
+    tip = base + np.array([one.length for one in several])[:, None] * axis
+    normals = np.stack([-axis, axis], axis=1)
+    support = np.stack(
+        [-np.einsum("ij,ij->i", base, axis), np.einsum("ij,ij->i", tip, axis)], axis=1
+    )
+    radius = np.array([one.radius for one in several])
+    points = np.stack([base, tip], axis=1)
+    return Cells(points, normals, support, np.array([[0, 1]]), index, axis, radius)
 
 
 def _is_convex(vertices: FloatArray, faces: Faces) -> BoolArray:
@@ -149,9 +188,9 @@ def parted(a: Cells, i: IntArray, b: Cells, j: IntArray, tolerance: float) -> Bo
     -----
     Planes of faces are tried for all pairs, then planes along an edge of either for what is left.
     """
-    done = _beyond(a.normals, a.support, i, b.points, j, tolerance)
+    done = _beyond(a, i, b, j, tolerance)
     rest = np.flatnonzero(~done)
-    done[rest] = _beyond(b.normals, b.support, j[rest], a.points, i[rest], tolerance)
+    done[rest] = _beyond(b, j[rest], a, i[rest], tolerance)
     rest = np.flatnonzero(~done)
     width = len(a.edges) * len(b.edges)
     corners = a.points.shape[1] + b.points.shape[1]
@@ -161,28 +200,20 @@ def parted(a: Cells, i: IntArray, b: Cells, j: IntArray, tolerance: float) -> Bo
     return done
 
 
-def _beyond(
-    normals: FloatArray,
-    support: FloatArray,
-    i: IntArray,
-    points: FloatArray,
-    j: IntArray,
-    tolerance: float,
-) -> BoolArray:
+def _beyond(a: Cells, i: IntArray, b: Cells, j: IntArray, tolerance: float) -> BoolArray:
     """True where all of cell j lies beyond one face plane of cell i."""
     done = np.zeros(len(i), bool)
-    size = normals.shape[1] * points.shape[1]
+    size = a.normals.shape[1] * b.points.shape[1]
     for part in np.array_split(np.arange(len(i)), 1 + len(i) * size // CHUNK):
-        planes = normals[i[part]]
-        least = np.matmul(planes, points[j[part]].transpose(0, 2, 1)).min(axis=2)
+        planes = a.normals[i[part]]
+        least = np.matmul(planes, b.points[j[part]].transpose(0, 2, 1)).min(axis=2)
+        least = least - b.swell(j[part], planes)
         real = np.any(planes != 0, axis=2)
-        done[part] = np.any(real & (least >= support[i[part]] - tolerance), axis=1)
+        done[part] = np.any(real & (least >= a.support[i[part]] - tolerance), axis=1)
     return done
 
 
-def _parted_by_edges(
-    a: Cells, i: IntArray, b: Cells, j: IntArray, tolerance: float
-) -> BoolArray:
+def _parted_by_edges(a: Cells, i: IntArray, b: Cells, j: IntArray, tolerance: float) -> BoolArray:
     """True where a plane parallel to an edge of either cell has them on different sides."""
     p, q = a.points[i], b.points[j]
     along = p[:, a.edges[:, 1]] - p[:, a.edges[:, 0]]
@@ -196,4 +227,5 @@ def _parted_by_edges(
     one = np.matmul(axes, (p - middle).transpose(0, 2, 1))
     two = np.matmul(axes, (q - middle).transpose(0, 2, 1))
     gap = np.maximum(two.min(axis=2) - one.max(axis=2), one.min(axis=2) - two.max(axis=2))
+    gap = gap - a.swell(i, axes) - b.swell(j, axes)
     return np.asarray(np.any((lengths[..., 0] > 0) & (gap >= -tolerance), axis=1))

@@ -186,9 +186,7 @@ def lay_out(law: CircleLaw, logs: FloatArray) -> tuple[ComplexArray, float]:
     direction = (sum_to_root(increment, parent)[:, None] + relative).ravel()
 
     vector = length.ravel() * np.exp(1j * direction)
-    spokes = sp.csr_matrix(
-        (np.arange(1, len(key) + 1), (tail, head)), shape=(n, n), dtype=np.int64
-    )
+    spokes = sp.csr_matrix((np.arange(1, len(key) + 1), (tail, head)), shape=(n, n), dtype=np.int64)
     parent = spanning_tree(spokes, int(tri[root, 0]))
     child = np.flatnonzero(parent != np.arange(n))
     out = np.asarray(spokes[parent[child], child]).ravel() - 1

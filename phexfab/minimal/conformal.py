@@ -7,7 +7,7 @@ vertex type, and the closed form is an independent check of the minimal solve.
 
 References
 ----------
-Thesis §5.3, §7.2.1; Müller 2011, "Conformal mesh for hexagonal minimal surfaces".
+Thesis §5.3, §7.2.1; Müller 2011, "Conformal hexagonal meshes", Geom. Dedicata.
 """
 
 from __future__ import annotations
@@ -96,7 +96,8 @@ def conformal_gauss_image(
         power = np.exp(log_a * l + log_b * (k - (rows - 1) / 2))
         moved = (centre - fixed) * power
         factor = np.abs(power)
-    normals, heights = lift_circles(size * moved.ravel(), size * radius * factor.ravel())
+    centres = np.asarray(size * moved.ravel(), complex)
+    normals, heights = lift_circles(centres, size * radius * factor.ravel())
 
     def flat(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:
         column = column % columns if closed else column

@@ -91,7 +91,7 @@ def gauss_image(
     if gap > 1e-8:
         raise SolveError(
             f"the circles do not close up around the ring (they miss by {gap:.1e} of a radius): "
-            "this surface has no rotational symmetry; use offset.type = \"face\" for a closed ring"
+            'this surface has no rotational symmetry; use offset.type = "face" for a closed ring'
         )
     # Similarity that fits the layout to the smooth Gauss map, in the least-squares sense.
     mean_c, mean_g = centres.mean(), chart.mean()

@@ -77,7 +77,8 @@ def local_mixed_areas(shell: Shell, heights: FloatArray) -> FloatArray:
     origin = mesh.vertices[mesh.corners[starts[:-1]]][row]
     over_g = heights[neighbours] - np.einsum("ij,ij->i", shell.normals[neighbours], origin)
     over_f = heights[panels[row]] - np.einsum("ij,ij->i", shell.normals[panels[row]], origin)
-    return np.bincount(row, weights=weight * (over_g - over_f * cosine), minlength=len(panels))
+    areas = np.bincount(row, weights=weight * (over_g - over_f * cosine), minlength=len(panels))
+    return np.asarray(areas, float)
 
 
 @dataclass(frozen=True, eq=False)

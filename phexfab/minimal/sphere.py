@@ -11,7 +11,7 @@ ComplexArray = NDArray[np.complex128]
 
 def stereographic(normals: FloatArray) -> ComplexArray:
     """Return g = (x + iy)/(1 − z) of unit vectors (..., 3), the north pole being infinity."""
-    return (normals[..., 0] + 1j * normals[..., 1]) / (1 - normals[..., 2])
+    return np.asarray((normals[..., 0] + 1j * normals[..., 1]) / (1 - normals[..., 2]), complex)
 
 
 def farthest_direction(normals: FloatArray) -> FloatArray:

@@ -56,7 +56,9 @@ def offset(shell: Shell, distance: float) -> Shell:
     low, high = admissible_interval(shell)
     if not low < distance < high:
         ratios = edge_ratios(shell)
-        flipped = int(np.argmin(np.where(ratios * (ratios + distance) <= 0, np.abs(ratios), np.inf)))
+        flipped = int(
+            np.argmin(np.where(ratios * (ratios + distance) <= 0, np.abs(ratios), np.inf))
+        )
         raise OffsetLimitError(
             f"offset.distance = {distance:g} mm: edge {flipped} of the shell would flip; keep the "
             f"distance between {low:.1f} and {high:.1f} mm, or make the panels larger"

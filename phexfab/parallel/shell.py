@@ -19,9 +19,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-def plane_vertices(
-    normals: FloatArray, heights: FloatArray, triangles: IntArray, near: FloatArray | None = None
-) -> FloatArray:
+def plane_vertices(normals: FloatArray, heights: FloatArray, triangles: IntArray) -> FloatArray:
     """Return the (V, 3) points where the planes of each dual triangle meet.
 
     Parameters
@@ -29,16 +27,13 @@ def plane_vertices(
     normals : (F, 3) unit normals
     heights : (F,) heights, ``n·x = h``
     triangles : (V, 3) faces that meet at each vertex
-    near : (V, 3), optional
-        Points close to the solution; they only improve the rounding.
     """
     rows = normals[triangles]
     right = heights[triangles]
-    if near is None:
-        near = np.linalg.solve(rows, right[..., None])[..., 0]
+    point = np.asarray(np.linalg.solve(rows, right[..., None])[..., 0], float)
     # One step of refinement: the three normals are nearly parallel on a fine mesh.
-    residual = right - np.einsum("vij,vj->vi", rows, near)
-    return near + np.linalg.solve(rows, residual[..., None])[..., 0]
+    residual = right - np.einsum("vij,vj->vi", rows, point)
+    return point + np.asarray(np.linalg.solve(rows, residual[..., None])[..., 0], float)
 
 
 @dataclass(frozen=True, eq=False)

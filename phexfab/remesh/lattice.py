@@ -166,10 +166,7 @@ def lattice(
         n_row = high // 2 + 2
         t0 = step / 2 * wide
         s0 = rise / 2 * (high % 2)
-    if columns:
-        i = np.arange(columns)
-    else:
-        i = np.arange(-n_col, n_col + 1)
+    i = np.arange(columns) if columns else np.arange(-n_col, n_col + 1)
     j = np.arange(rows) if rows else np.arange(-n_row, n_row + 1)
     jj, ii = np.meshgrid(j, i, indexing="ij")
     shift = np.mod(jj, 2)

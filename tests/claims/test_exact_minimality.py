@@ -40,7 +40,7 @@ def size_for(name, panels):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", list(catalog))
 def test_every_surface_and_offset_type(name, kind, panels):
-    made, shell = shell_of(name, kind, size_for(name, panels))
+    _, shell = shell_of(name, kind, size_for(name, panels))
     assert 0.3 * panels < len(shell.panels) < 2 * panels
     assert_planar(shell.mesh, 1e-12)
     assert_parallel(shell.mesh, shell.gauss, 1e-10)
@@ -58,7 +58,12 @@ def halved_lattices(made, columns=16, times=3):
     rise = a * EQUILATERAL
     rows = max(2, int(0.8 * (v1 - v0) / rise) // 2 * 2)
     half = np.array([columns * a, rows * rise]) / 2
-    box = (centre.real - half[0], centre.real + half[0], centre.imag - half[1], centre.imag + half[1])
+    box = (
+        centre.real - half[0],
+        centre.real + half[0],
+        centre.imag - half[1],
+        centre.imag + half[1],
+    )
     return [lattice(box, a / 2**k) for k in range(times)]
 
 
@@ -93,7 +98,9 @@ def test_the_catenoid_closes_exactly(kind, along):
     # Turning by one panel maps the shell to itself.
     around = 2 * np.pi / on.step if along == "v" else 2 * np.pi / on.step / (np.sqrt(3) / 2) / 2
     angle = 2 * np.pi / round(around)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
     points = shell.mesh.vertices
     turned = points @ turn.T
     nearest = np.min(np.linalg.norm(turned[:, None] - points[None], axis=2), axis=1)
@@ -102,7 +109,7 @@ def test_the_catenoid_closes_exactly(kind, along):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_offset_interval_is_sharp(kind):
-    made, shell = shell_of("enneper", kind, size_for("enneper", 150))
+    _, shell = shell_of("enneper", kind, size_for("enneper", 150))
     low, high = admissible_interval(shell)
     i, j = shell.edges[:, 0], shell.edges[:, 1]
     before = shell.mesh.vertices[j] - shell.mesh.vertices[i]

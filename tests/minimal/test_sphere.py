@@ -12,9 +12,9 @@ from phexfab.minimal.sphere import (
 
 
 def inverse(g):
-    return np.stack([2 * g.real, 2 * g.imag, np.abs(g) ** 2 - 1], -1) / (np.abs(g) ** 2 + 1)[
-        ..., None
-    ]
+    return (
+        np.stack([2 * g.real, 2 * g.imag, np.abs(g) ** 2 - 1], -1) / (np.abs(g) ** 2 + 1)[..., None]
+    )
 
 
 def test_projection_inverts():

@@ -1,0 +1,185 @@
+"""What is checked, against which limit, and what helps when a check fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phexfab.errors import DesignError
+from phexfab.fabrication.parts import CheckResult
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limit of every check, named like the check; a design file sets them in ``[checks]``.
+
+    Attributes
+    ----------
+    planarity : float, ratio
+        Largest distance of a corner to its face's least-squares plane, over the mean edge.
+    planarity_mm : float, mm
+        The same distance itself.
+    parallelism : float, ratio
+        Largest sine of the angle between an edge of M and its edge of S.
+    minimality : float, ratio
+        Largest ``|area(M_f, S_f)| / √(|area M_f|·|area S_f|)``, which is |H|/√|K|.
+    offset_constancy : float, unit length of S
+        Largest miss of S: of heights, edge distances or vertex distances from 1.
+    offset_spread : float, ratio
+        Largest miss of the distance between M and M + d·S, over d.
+    offset_interval : float, ratio
+        Largest share of the offset distance at which the first edge vanishes.
+    node_axis_torsion : float, deg
+        Largest angle between a node axis and the mid-plane of a beam that ends there.
+    simple_faces : float, count
+        Most faces of M that cross or touch themselves, or lie inside out.
+    shortest_edge : float, mm
+        Shortest edge of M.
+    beam_angle : float, deg
+        Smallest angle between two beams of a node, seen along its axis.
+    surface_distance : float, mm
+        Largest distance of a vertex of M from the smooth surface.
+    sharpest_corner : float, deg
+        Smallest interior angle of a panel's cut contour.
+    mitre_angle : float, deg
+        Largest cut of a beam's end against a square one.
+    panel_fits_sheet, beam_fits_sheet : float, mm
+        Most by which the blank of a panel or beam may exceed the usable stock sheet.
+    panel_mass : float, kg
+        Heaviest panel.
+    panel_clearance : float, mm
+        Least distance between neighbouring panels.
+    interpenetration : float, ratio
+        Largest overlap of two solids, over the volume of the smaller one.
+    """
+
+    planarity: float = 1e-12
+    planarity_mm: float = 1e-6
+    parallelism: float = 1e-10
+    minimality: float = 1e-10
+    offset_constancy: float = 1e-11
+    offset_spread: float = 1e-9
+    offset_interval: float = 0.9
+    node_axis_torsion: float = 1e-6
+    simple_faces: float = 0.0
+    shortest_edge: float = 20.0
+    beam_angle: float = 30.0
+    surface_distance: float = 25.0
+    sharpest_corner: float = 30.0
+    mitre_angle: float = 75.0
+    panel_fits_sheet: float = 0.0
+    beam_fits_sheet: float = 0.0
+    panel_mass: float = 60.0
+    panel_clearance: float = 1.0
+    interpenetration: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for name in KINDS:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise DesignError(
+                    f"checks.{name} = {value}: a limit is a number from 0 up, in "
+                    f"{KINDS[name].unit if KINDS[name].unit != '1' else 'no unit'}"
+                )
+
+
+@dataclass(frozen=True)
+class CheckKind:
+    """What one check measures, in which unit and sense, and the remedy when it fails."""
+
+    unit: str
+    sense: str
+    measured: str
+    remedy: str
+
+
+_LATTICE = "choose larger panels, another row ratio, or a rectangle farther from strong curvature"
+_SOLVER = (
+    "the solve did not reach rounding: coarsen the lattice or shrink the rectangle of parameters"
+)
+
+KINDS: dict[str, CheckKind] = {
+    "planarity": CheckKind(
+        "1", "<=", "corners off their face's plane, over the mean edge", _SOLVER
+    ),
+    "planarity_mm": CheckKind("mm", "<=", "corners off their face's plane", _SOLVER),
+    "parallelism": CheckKind("1", "<=", "sine between edges of M and S", _SOLVER),
+    "minimality": CheckKind("1", "<=", "|H|/√|K| from the mixed areas", _SOLVER),
+    "offset_constancy": CheckKind("1", "<=", "Gauss image off the unit sphere", _SOLVER),
+    "offset_spread": CheckKind("1", "<=", "distance of the offset off constant, relative", _SOLVER),
+    "offset_interval": CheckKind(
+        "1",
+        "<=",
+        "share of the offset at which an edge vanishes",
+        "make the offset smaller, put it on the other side, or make the panels larger",
+    ),
+    "node_axis_torsion": CheckKind("deg", "<=", "node axis off a beam's mid-plane", _SOLVER),
+    "simple_faces": CheckKind("1", "<=", "faces that cross themselves or lie inside out", _LATTICE),
+    "shortest_edge": CheckKind("mm", ">=", "shortest edge", _LATTICE),
+    "beam_angle": CheckKind("deg", ">=", "angle between beams at a node", _LATTICE),
+    "surface_distance": CheckKind(
+        "mm", "<=", "vertices off the smooth surface", "choose smaller panels"
+    ),
+    "sharpest_corner": CheckKind("deg", ">=", "sharpest corner of a cut contour", _LATTICE),
+    "mitre_angle": CheckKind(
+        "deg", "<=", "cut of a beam's end against square", _LATTICE + ", or use hubs at the nodes"
+    ),
+    "panel_fits_sheet": CheckKind(
+        "mm",
+        "<=",
+        "largest blank beyond the usable sheet",
+        "choose smaller panels, a larger stock sheet or a smaller margin",
+    ),
+    "beam_fits_sheet": CheckKind(
+        "mm",
+        "<=",
+        "largest beam beyond the usable sheet",
+        "choose smaller panels, lower beams, a larger stock sheet or a smaller margin",
+    ),
+    "panel_mass": CheckKind(
+        "kg", "<=", "heaviest panel", "choose smaller or thinner panels, or a lighter material"
+    ),
+    "panel_clearance": CheckKind(
+        "mm",
+        ">=",
+        "distance between neighbouring panels",
+        "widen the gap, mitre the edges, or put the panels on the other side",
+    ),
+    "interpenetration": CheckKind(
+        "1",
+        "<=",
+        "overlap of two solids, over the smaller one",
+        "widen the gap, mitre the edges, lower the beams' seat or make hubs and beams slimmer",
+    ),
+}
+
+
+def verdict(
+    name: str, limits: Limits, values: FloatArray, marks: Sequence[str], detail: str = ""
+) -> CheckResult:
+    """Return the result of a check for its worst value; a value that is not a number is the worst.
+
+    The note of a check that fails ends with the remedy.
+
+    Parameters
+    ----------
+    name : str
+        A field of ``Limits``.
+    limits : Limits
+    values : (n,) array, n > 0
+    marks : sequence of n strings
+        The part that each value belongs to.
+    detail : str
+        Put behind what was measured.
+    """
+    kind = KINDS[name]
+    worst = int(np.argmax(values) if kind.sense == "<=" else np.argmin(values))
+    value, limit = float(values[worst]), float(getattr(limits, name))
+    note = f"{kind.measured}; {detail}" if detail else kind.measured
+    result = CheckResult(name, value, limit, kind.unit, kind.sense, marks[worst], note)
+    return result if result.ok else replace(result, note=f"{note}. Remedy: {kind.remedy}")
