@@ -5,24 +5,235 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from phexfab.cad.brep import verify_solids
+from phexfab.cad.dxf import write_sheets
 from phexfab.cad.step import StepHeader, write_step
 from phexfab.errors import DesignError, PartError
 from phexfab.fabrication.bom import bom_rows, write_bom
+from phexfab.fabrication.checks import measure
+from phexfab.fabrication.layout import layout_to_json, sheet_yield
+from phexfab.fabrication.marking import engraving
+from phexfab.fabrication.nest import nest_all
 from phexfab.fabrication.parts import FlatPart, Sheet
-from phexfab.mesh.io import write_obj
+from phexfab.mesh import write_obj
+from phexfab.report.data import ReportData
+from phexfab.report.page import write_report
 
 if TYPE_CHECKING:
     from phexfab.pipeline import Build
 
 Progress = Callable[[str, int, int], None]
 LAYOUT = "layout.json"
+CONTENTS = frozenset(
+    {"shell.obj", "gauss.obj", "parts.step", "sheets", "bom.csv", "report.json", "report.html", LAYOUT}
+)
 LIBRARIES = (
-    "phexfab", "numpy", "scipy", "shapely", "manifold3d", "ezdxf", "spyrrow", "cadquery",
-    "cadquery-ocp", "build123d",
+    "phexfab", "numpy", "scipy", "shapely", "manifold3d", "ezdxf", "spyrrow", "matplotlib",
+    "cadquery", "cadquery-ocp", "build123d",
 )  # fmt: skip
+
+
+def deliver(built: Build, directory: Path, say: Progress) -> Path:
+    """Write all files of a build into ``directory``; see ``Build.write``.
+
+    Files are made in a new folder beside it, which takes its place when the last one is done.
+    """
+    target = directory.absolute()
+    _refuse_foreign(target)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as made:
+        fresh = Path(made) / target.name
+        fresh.mkdir()
+        _write_all(built, fresh, target, say)
+        _swap(fresh, target, Path(made) / "old")
+    return directory
+
+
+def _refuse_foreign(target: Path) -> None:
+    """Refuse to replace a folder that holds anything but a build."""
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise DesignError(f"{target} is a file; name a folder for the output")
+    foreign = sorted(path.name for path in target.iterdir() if path.name not in CONTENTS)
+    if foreign:
+        raise DesignError(
+            f"{target} holds {foreign[0]}, which no build wrote, and a build replaces the whole "
+            "folder; name another folder, or an empty one"
+        )
+
+
+def _swap(fresh: Path, target: Path, old: Path) -> None:
+    """Put the fresh folder in the target's place, and the old one back if that fails."""
+    if not target.exists():
+        fresh.rename(target)
+        return
+    target.rename(old)
+    try:
+        fresh.rename(target)
+    except OSError:
+        old.rename(target)
+        raise
+    shutil.rmtree(old)
+
+
+def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
+    design, parts, shell = built.design, built.parts, built.shell
+    say("nesting", 0, 0)
+    flats, sheets, layouts = _nest(built, before, say)
+    say("solids", 0, 0)
+    invalid = verify_solids(parts)
+    if invalid:
+        raise PartError(f"the CAD kernel refuses the solids of {', '.join(invalid)}")
+    project = design.project
+    header = StepHeader(
+        name=design.name,
+        author=project.author,
+        organisation=project.organisation,
+        timestamp=project.date.isoformat() + "T00:00:00" if project.date else None,
+    )
+    write_step(parts, folder / "parts.step", header)
+    write_obj(shell.mesh, folder / "shell.obj")
+    write_obj(shell.gauss, folder / "gauss.obj")
+    say("sheets", 0, 0)
+    marks = {mark: engraving(flat) for mark, flat in flats.items()}
+    meta = {"project": design.name, "revision": project.revision, "author": project.author}
+    write_sheets(sheets, flats, folder / "sheets", meta, version=design.output.dxf_version)
+    write_bom(folder / "bom.csv", bom_rows(parts, sheets))
+    (folder / LAYOUT).write_text(_json(layouts), encoding="utf-8")
+    figures = {**built.figures, **_sheet_figures(sheets, flats)}
+    say("report", 0, 0)
+    versions = _versions()
+    (folder / "report.json").write_text(_json(_report(built, figures, versions)), encoding="utf-8")
+    write_report(
+        ReportData(
+            title=design.name,
+            units="mm",
+            shell=shell,
+            parts=parts,
+            sheets=tuple(sheets),
+            engraving=marks,
+            checks=built.checks,
+            figures=figures,
+            histograms=_histograms(built),
+            versions=versions,
+            design_text=design.text,
+        ),
+        folder / "report.html",
+    )
+
+
+def _nest(
+    built: Build, before: Path, say: Progress
+) -> tuple[dict[str, FlatPart], list[Sheet], dict[str, Any]]:
+    """Nest both families; layouts of the last build serve again where nothing has changed."""
+    asked = built.design.nesting
+    kept: Mapping[str, Any] = {}
+    if (before / LAYOUT).is_file():
+        try:
+            kept = json.loads((before / LAYOUT).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            kept = {}
+    flats: dict[str, FlatPart] = {}
+    sheets: list[Sheet] = []
+    layouts: dict[str, Any] = {}
+    for family, made in (("panels", built.parts.panels), ("beams", built.parts.beams)):
+        own = {part.mark: part.flat for part in made}
+        if not own:
+            continue
+        previous = kept.get(family)
+        nested = nest_all(
+            list(own.values()),
+            built.stocks[family],
+            seed=asked.seed,
+            seconds=asked.seconds,
+            packer=asked.packer,
+            previous=json.dumps(previous) if previous else None,
+            progress=lambda done, total, family=family: say(f"nesting {family}", done, total),
+        )
+        layouts[family] = json.loads(layout_to_json(nested))
+        sheets += nested.sheets
+        flats |= own
+    return flats, sheets, layouts
+
+
+def _sheet_figures(
+    sheets: Sequence[Sheet], flats: Mapping[str, FlatPart]
+) -> dict[str, tuple[float | int | str, str]]:
+    figures: dict[str, tuple[float | int | str, str]] = {}
+    for family in ("PANELS", "BEAMS"):
+        own = [sheet for sheet in sheets if sheet.name.startswith(family)]
+        if own:
+            share = float(np.mean([sheet_yield(sheet, flats.values()) for sheet in own]))
+            figures[f"sheets of {family.lower()}"] = (len(own), "")
+            figures[f"yield of {family.lower()} sheets"] = (100 * share, "%")
+    return figures
+
+
+def _histograms(built: Build) -> dict[str, tuple[NDArray[np.float64], str]]:
+    measured = measure(built.shell)
+    histograms = {
+        "edge length": (measured["edge_length"], "mm"),
+        "panel area": (measured["panel_area"] / 1e6, "m²"),
+        "angle between beams at a node": (measured["beam_angle"], "deg"),
+        "angle between neighbouring panels": (measured["dihedral_angle"], "deg"),
+    }
+    if built.parts.beams:
+        mitres = np.abs([angle for beam in built.parts.beams for end in beam.mitres for angle in end])
+        histograms["mitre of beam ends"] = (mitres, "deg")
+    bevels = np.array([e.bevel for panel in built.parts.panels for e in panel.flat.edges])
+    if np.any(bevels):
+        histograms["bevel of panel edges"] = (bevels, "deg")
+    return histograms
+
+
+def _report(built: Build, figures: Mapping[str, Any], versions: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        "title": built.design.name,
+        "verdict": "pass" if built.ok else "fail",
+        "figures": {name: {"value": _finite(v), "unit": u} for name, (v, u) in figures.items()},
+        "checks": [
+            {
+                **asdict(check),
+                "value": _finite(check.value),
+                "verdict": "pass" if check.ok else "fail",
+            }
+            for check in built.checks
+        ],
+        "design": built.design.model_dump(mode="json"),
+        "versions": dict(versions),
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Return None for a number that JSON does not know."""
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False, default=_plain) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} does not go into JSON")

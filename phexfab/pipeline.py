@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phexfab.design import Design, load_design
-from phexfab.errors import DesignError
+from phexfab.errors import DesignError, SurfaceError
 from phexfab.fabrication.bars import BeamSpec, beam_drop, down
 from phexfab.fabrication.beams import beams
 from phexfab.fabrication.checks import Limits, check_geometry, check_parts
@@ -23,7 +23,7 @@ from phexfab.minimal.laplacian import MinimalSolver
 from phexfab.minimal.shell import lattice_on, surface_distance, tangent_shell
 from phexfab.parallel.offset import admissible_interval, offset
 from phexfab.parallel.shell import Shell
-from phexfab.surface import MinimalSurface, check_rectangle, from_expressions
+from phexfab.surface import MinimalSurface, associate, check_rectangle, from_expressions
 from phexfab.surface.catalog import surface as named_surface
 
 if TYPE_CHECKING:
@@ -67,6 +67,11 @@ class Build:
     def offset(self) -> Shell:
         """The parallel shell at the design's offset distance."""
         return offset(self.shell, offset_distance(self.design, self.shell))
+
+    @property
+    def stocks(self) -> dict[str, Stock]:
+        """Stock sheets of the families ``panels`` and ``beams``."""
+        return stocks(self.design)
 
     def write(self, directory: str | PathLike[str], progress: Progress | None = None) -> Path:
         """Write all files of the build into a folder; it appears whole or not at all.
@@ -125,7 +130,7 @@ def build(design: DesignLike, progress: Progress | None = None) -> Build:
     say("parts", 0, 0)
     parts = _parts(asked, shell)
     say("checks", 0, 0)
-    limits = Limits(**asked.checks.model_dump(exclude_none=True))
+    limits = Limits(**asked.checks.limits())
     distance = offset_distance(asked, shell)
     deviation = surface_distance(smooth, shell)
     checks = (
@@ -141,18 +146,31 @@ def check(design: DesignLike, progress: Progress | None = None) -> tuple[CheckRe
 
 
 def smooth_surface(design: Design) -> MinimalSurface:
-    """Return the smooth surface that a design asks for, scaled to mm."""
-    asked = design.surface
-    if asked.g is not None and asked.height_differential is not None:
-        made = from_expressions(g=asked.g, dh=asked.height_differential, base=complex(*asked.base))
-        if asked.bonnet_angle:
-            from phexfab.surface import associate
+    """Return the smooth surface that a design asks for, scaled to mm.
 
-            made = associate(made, asked.bonnet_angle)
-        return made.scaled(asked.scale)
-    options: dict[str, Any] = {"order": asked.order, "bonnet_angle": asked.bonnet_angle}
+    Raises
+    ------
+    DesignError
+        If the catalog has no such surface or option, or a formula cannot be read.
+    """
+    asked = design.surface
+    options: dict[str, Any] = {
+        "order": asked.order,
+        "ends": asked.ends,
+        "bonnet_angle": asked.bonnet_angle,
+    }
     given = {key: value for key, value in options.items() if value is not None}
-    return named_surface(str(asked.name), **given).scaled(asked.scale)
+    try:
+        if asked.g is not None and asked.height_differential is not None:
+            base = complex(*asked.base)
+            made = from_expressions(g=asked.g, dh=asked.height_differential, base=base)
+            made = associate(made, given.get("bonnet_angle", 0.0))
+        else:
+            made = named_surface(str(asked.name), **given)
+    except SurfaceError as error:
+        key = "surface.name" if asked.name is not None else "surface.g"
+        raise DesignError(f"{key}: {error}") from error
+    return made.scaled(asked.scale)
 
 
 def parameter_rectangle(
@@ -229,7 +247,12 @@ def offset_distance(design: Design, shell: Shell) -> float:
 def _shell(design: Design, smooth: MinimalSurface) -> tuple[Shell, int | None]:
     """Return the discrete minimal surface, and its number of unstable directions."""
     rectangle, closed = parameter_rectangle(design, smooth)
-    check_rectangle(smooth, rectangle[:2], rectangle[2:])
+    u, v = rectangle[:2], rectangle[2:]
+    try:
+        check_rectangle(smooth, u, v)
+    except SurfaceError as error:
+        where = f"u = [{u[0]:.4g}, {u[1]:.4g}], v = [{v[0]:.4g}, {v[1]:.4g}]"
+        raise DesignError(f"surface.u, surface.v: {where}: {error}") from error
     asked = design.lattice
     lattice = lattice_on(
         smooth,

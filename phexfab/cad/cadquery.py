@@ -26,7 +26,7 @@ def to_cadquery(parts: Parts, name: str = "shell") -> Assembly:
     parts : Parts
     name : str
         Name of the root. Its children are ``panels``, ``beams``, ``nodes``, and theirs the parts,
-        named by their marks; ``assembly.objects["P017"].obj`` is a ``cadquery.Solid``.
+        named by their marks; ``assembly.objects["panels/P017"].obj`` is a ``cadquery.Solid``.
 
     Raises
     ------

@@ -30,6 +30,8 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
+# A collapsed edge or face gives values that are not numbers, and those fail their check.
+@np.errstate(divide="ignore", invalid="ignore")
 def check_geometry(
     shell: Shell,
     limits: Limits | None = None,

@@ -94,7 +94,9 @@ def inset_limits(
     start = mesh.starts[mesh.face_of_corner]
     sides = mesh.sides[mesh.face_of_corner]
     place = np.arange(len(points)) - start
-    for ahead in range(1, int(mesh.sides.max(initial=0)) - 1):
+    # A corner slides along its own two edges, so it meets the edge beyond one of them only where
+    # that one has shrunk to nothing, and that is seen above.
+    for ahead in range(2, int(mesh.sides.max(initial=0)) - 2):
         edge = start + (place + ahead) % sides
         away = np.einsum("ij,ij->i", points - points[edge], normals[edge])
         closing = np.einsum("ij,ij->i", velocity - velocity[edge], normals[edge])
@@ -104,7 +106,7 @@ def inset_limits(
             along += when * np.einsum("ij,ij->i", velocity - velocity[edge], directions[edge])
             span = length[edge] + when * growth[edge]
         slack = 1e-9 * length[edge]  # corner on corner counts as a hit
-        hit = (ahead < sides - 1) & (when > 0.0) & (along >= -slack) & (along <= span + slack)
+        hit = (ahead < sides - 2) & (when > 0.0) & (along >= -slack) & (along <= span + slack)
         limit[hit] = np.minimum(limit[hit], when[hit])
     if len(points) == 0:
         return np.zeros(0)

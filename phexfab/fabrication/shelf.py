@@ -281,7 +281,11 @@ def _settle(stack: _Stack, row: _Row, length: float, interlock: bool) -> tuple[_
 
 
 def pack_rows(
-    contours: Sequence[FloatArray], turns: Sequence[float], length: float, width: float
+    contours: Sequence[FloatArray],
+    turns: Sequence[float],
+    length: float,
+    width: float,
+    limit: int | None = None,
 ) -> list[list[Spot]]:
     """Pack contours in rows along the length of as many sheets as it takes.
 
@@ -293,6 +297,8 @@ def pack_rows(
         Degrees by which each contour is turned before it is laid into a row; it must fit then.
     length, width : float
         The rectangle to fill, mm.
+    limit : int, optional
+        Give up, with an empty list, when more sheets than this are needed.
 
     Returns
     -------
@@ -320,6 +326,8 @@ def pack_rows(
             bucket = lower[0]
             continue
         sheets.append(stack.spots())
+        if len(sheets) == limit:
+            return []
         stack = _Stack()
         bucket = pool.tallest()
     if stack.rows:

@@ -12,6 +12,7 @@ arXiv:2509.13329.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -32,28 +33,31 @@ _WORKER = Path(__file__).with_name("strip_worker.py")
 
 @dataclass(frozen=True)
 class StripRun:
-    """What a run must do: contours, the strip's height and target length, angles, seed, patience.
+    """What a run must do: contours, the strip's height and target length, angles, seed.
 
-    ``failures`` is how often the packer may get stuck before it gives up.
+    ``patience`` is the number of the packer's reports after which the run is given up; it ends
+    earlier when the layout fits or when the packer gets stuck for the first time.
     """
 
     contours: tuple[FloatArray, ...]
     height: float
     target: float
-    angles: tuple[float, ...] | None
+    angles: tuple[float, ...]
     seed: int
-    failures: int
+    patience: int
 
 
 @dataclass(frozen=True)
 class StripLayout:
     """What came out: the strip's length, where each contour lies, and what went wrong, if so.
 
-    ``late`` is true where the clock ended the run; only then may another run differ.
+    ``reports`` tells how much work it was, in the packer's reports. ``late`` is true where the
+    clock ended the run; only then may another run differ.
     """
 
     length: float
     spots: tuple[Spot, ...]
+    reports: int = 0
     error: str = ""
     late: bool = False
 
@@ -64,74 +68,87 @@ def pack_strips(runs: Sequence[StripRun], seconds: float) -> list[StripLayout]:
     Parameters
     ----------
     runs : sequence of StripRun
+        In order of preference: when one fits, those after it are not waited for.
     seconds : float
         The clock's limit for all of them; a guard against a packer that hangs.
 
     Returns
     -------
     list of StripLayout
-        ``length`` is infinite where no layout was found.
+        As many as were waited for; ``length`` is infinite where no layout was found.
     """
     processes: list[subprocess.Popen[str]] = []
     deadline = time.monotonic() + seconds
+    layouts = []
     try:
-        for _ in runs:
-            processes.append(
-                subprocess.Popen(
-                    [sys.executable, "-P", str(_WORKER)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.PIPE,
-                    text=True,
-                )
+        for run in runs:
+            process = subprocess.Popen(
+                [sys.executable, "-P", str(_WORKER)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
             )
-        return [
-            _finish(run, process, deadline) for run, process in zip(runs, processes, strict=True)
-        ]
+            processes.append(process)
+            _start(run, process)
+        for run, process in zip(runs, processes, strict=True):
+            layouts.append(_finish(run, process, deadline))
+            if layouts[-1].length <= run.target:
+                break
+        return layouts
     finally:
         for process in processes:
-            if process.poll() is None:
-                process.kill()
-                process.communicate()
+            process.kill()
+            process.wait()
+            for stream in (process.stdin, process.stdout, process.stderr):
+                if stream is not None and not stream.closed:
+                    stream.close()
+
+
+def _centres(run: StripRun) -> list[FloatArray]:
+    """Sparrow counts in single precision: contours are handed over about their own middle."""
+    return [(c.min(axis=0) + c.max(axis=0)) / 2 for c in run.contours]
+
+
+def _start(run: StripRun, process: subprocess.Popen[str]) -> None:
+    job = {
+        "shapes": [(c - m).tolist() for c, m in zip(run.contours, _centres(run), strict=True)],
+        "height": run.height,
+        "target": run.target,
+        "angles": list(run.angles),
+        "seed": run.seed,
+        "patience": run.patience,
+        "seconds": 3600,
+    }
+    assert process.stdin is not None
+    # A worker that died is found out by its exit code.
+    with contextlib.suppress(BrokenPipeError):
+        process.stdin.write(json.dumps(job))
+        process.stdin.close()
 
 
 def _finish(run: StripRun, process: subprocess.Popen[str], deadline: float) -> StripLayout:
-    centres = [(c.min(axis=0) + c.max(axis=0)) / 2 for c in run.contours]
-    job = {
-        # Sparrow counts in single precision: keep the numbers small.
-        "shapes": [(c - m).tolist() for c, m in zip(run.contours, centres, strict=True)],
-        "height": run.height,
-        "target": run.target,
-        "angles": None if run.angles is None else list(run.angles),
-        "seed": run.seed,
-        "failures": run.failures,
-        "seconds": 3600,
-    }
+    process.stdin = None  # closed already; keep communicate() from touching it
     try:
-        out, err = process.communicate(
-            json.dumps(job), timeout=max(deadline - time.monotonic(), 0.01)
-        )
+        out, err = process.communicate(timeout=max(deadline - time.monotonic(), 0.01))
     except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        return StripLayout(np.inf, (), "", late=True)
+        return StripLayout(np.inf, (), late=True)
     if process.returncode or not out:
         last = err.strip().splitlines()[-1:] or [f"exit code {process.returncode}"]
-        return StripLayout(np.inf, (), last[0])
+        return StripLayout(np.inf, (), error=last[0])
     answer = json.loads(out)
     if answer["length"] is None:
-        return StripLayout(np.inf, (), answer["error"] or "no layout")
+        return StripLayout(np.inf, (), answer["reports"], answer["error"])
+    centres = _centres(run)
     spots = []
-    for k, rotation, x, y in answer["spots"]:
+    for k, rotation, x, y in sorted(answer["spots"]):
         angle = _nearest(rotation, run.angles)
         dx, dy = turned(centres[k][None], angle)[0]
         spots.append((k, angle, x - float(dx), y - float(dy)))
-    return StripLayout(answer["length"], tuple(spots), answer["error"])
+    return StripLayout(answer["length"], tuple(spots), answer["reports"], answer["error"])
 
 
-def _nearest(rotation: float, angles: tuple[float, ...] | None) -> float:
+def _nearest(rotation: float, angles: tuple[float, ...]) -> float:
     """Undo the packer's rounding of the angle to single precision."""
-    if angles is None:
-        return rotation % 360.0
     gaps = [abs((rotation - angle + 180.0) % 360.0 - 180.0) for angle in angles]
     return angles[int(np.argmin(gaps))] % 360.0

@@ -23,7 +23,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
     """
     import spyrrow
 
-    answer: dict[str, Any] = {"length": None, "spots": [], "error": ""}
+    answer: dict[str, Any] = {"length": None, "spots": [], "reports": 0, "error": ""}
     try:
         items = [
             spyrrow.Item(str(k), [(x, y) for x, y in shape], 1, job["angles"])
@@ -45,14 +45,14 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
     queue = spyrrow.ProgressQueue()
     thread = threading.Thread(target=_solve, args=(instance, config, queue, answer), daemon=True)
     thread.start()
-    failures = 0
     while True:
         # Asked before draining, so that nothing reported before the end is missed.
         running = thread.is_alive()
         for kind, layout in queue.drain():
-            if kind == spyrrow.ReportType.ExplInfeas:
-                failures += 1
-            elif kind != spyrrow.ReportType.ExplImproving:
+            answer["reports"] += 1
+            if kind == spyrrow.ReportType.ExplInfeas or answer["reports"] > job["patience"]:
+                return answer
+            if kind != spyrrow.ReportType.ExplImproving:
                 if answer["length"] is None or layout.width < answer["length"]:
                     answer["length"] = layout.width
                     answer["spots"] = [
@@ -61,8 +61,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
                     ]
                 if layout.width <= job["target"]:
                     return answer
-            if failures >= job["failures"]:
-                return answer
         if not running:
             return answer
         time.sleep(0.002)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from phexfab.errors import MeshError
 from phexfab.mesh.polymesh import PolyMesh
 
 FloatArray = NDArray[np.float64]
@@ -84,13 +85,31 @@ def edge_lengths(mesh: PolyMesh) -> FloatArray:
 
 
 def mean_edge(mesh: PolyMesh) -> float:
-    """Return the mean length of the edges, each counted once."""
-    return float(edge_lengths(mesh).mean())
+    """Return the mean length of the edges, each counted once.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has no edge.
+    """
+    return float(_some_lengths(mesh).mean())
 
 
 def shortest_edge(mesh: PolyMesh) -> float:
-    """Return the length of the shortest edge."""
-    return float(edge_lengths(mesh).min())
+    """Return the length of the shortest edge.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has no edge.
+    """
+    return float(_some_lengths(mesh).min())
+
+
+def _some_lengths(mesh: PolyMesh) -> FloatArray:
+    if not mesh.n_faces:
+        raise MeshError("the mesh has no face, so no edge has a length")
+    return edge_lengths(mesh)
 
 
 def corner_angles(mesh: PolyMesh, normals: FloatArray | None = None) -> FloatArray:
@@ -118,7 +137,8 @@ def _in_plane(mesh: PolyMesh) -> tuple[FloatArray, FloatArray]:
     points = points - points[starts][owner]
     points = points - (np.add.reduceat(points, starts) / mesh.sides[:, None])[owner]
     spread = np.add.reduceat(points[:, :, None] * points[:, None, :], starts)
-    axes = np.linalg.eigh(spread)[1]
+    # Corners that are not numbers stay so in what is returned; only LAPACK must not see them.
+    axes = np.linalg.eigh(np.where(np.isfinite(spread), spread, 0.0))[1]
     local = np.einsum("ci,cij->cj", points, axes[owner])
     off, y, x = local.T
     # The eigenvectors are good to rounding times the faces' aspect ratio squared; one linear fit

@@ -89,3 +89,12 @@ def test_known_limits():
     assert limits_of([HOURGLASS], np.ones(6))[0] == pytest.approx(1.1 * np.sin(lean), rel=1e-12)
     # Growing outward never ends for a square.
     assert limits_of([square], -np.ones(4))[0] == np.inf
+
+
+def test_a_contour_that_is_reversed_from_the_start_has_no_room():
+    square = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
+    points, mesh = batch([square])
+    directions = edge_directions(points, mesh)
+    beyond = inset(points, np.full(4, 1.5), mesh)
+    for speeds in (np.ones(4), -np.ones(4)):
+        assert inset_limits(beyond, directions, speeds, mesh)[0] == 0.0

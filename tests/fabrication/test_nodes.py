@@ -51,8 +51,11 @@ def test_hubs_stand_on_their_axes(kind, side):
 
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("kind", KINDS)
-def test_hubs_reach_from_the_bars_bottoms_to_the_panels(kind, side):
-    shell, found, panel = made(kind, side)
+@pytest.mark.parametrize("radius", [0.5, 30.0])
+def test_hubs_reach_from_the_bars_bottoms_to_the_panels(kind, side, radius):
+    """A wide hub is stopped by the panels above its rim, a slender one ends at the bars' tops."""
+    shell, panel = sample(kind), PanelSpec(8.0, 6.0, side)
+    found = nodes(shell, NodeSpec("hub", radius), BARS, panel)
     bars = beams(shell, BARS, panel)
     by_mark = {bar.mark: bar for bar in bars}
     drop = beam_drop(shell, BARS, panel)
@@ -75,11 +78,11 @@ def test_hubs_reach_from_the_bars_bottoms_to_the_panels(kind, side):
         for f in range(shell.mesh.n_faces):
             if node.vertex in shell.mesh.face(f):
                 normal = side_of_panels * shell.normals[shell.panels[f]]
-                rim = top * axis + 30.0 * unit(normal - (normal @ axis) * axis)
+                rim = top * axis + radius * unit(normal - (normal @ axis) * axis)
                 room.append(-under - rim @ normal)
         assert min(room) == pytest.approx(0.0, abs=1e-9)
         by_the_rim += int(np.argmin(room) > 0)
-    assert by_the_rim > 0
+    assert by_the_rim == (len(found) if radius == 30.0 else 0)
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -121,6 +124,12 @@ def test_hubs_that_touch_are_refused_by_name():
     wide = BeamSpec(ends="hub", hub_radius=400.0)
     with pytest.raises(PartError, match=r"hubs N\d{3} and N\d{3} touch"):
         nodes(shell, NodeSpec("hub", 400.0), wide, PanelSpec())
+
+
+def test_hubs_so_long_that_they_cross_are_refused():
+    tall = BeamSpec(height=9000.0, ends="hub", hub_radius=10.0)
+    with pytest.raises(PartError, match=r"touch: their axes come within 0\.0 mm"):
+        nodes(sample("face"), NodeSpec("hub", 10.0), tall, PanelSpec())
 
 
 def test_the_advice_on_touching_hubs_is_the_limit():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from phexfab.errors import MeshError
 from phexfab.mesh import measures
 from phexfab.mesh.polymesh import PolyMesh
 
@@ -52,7 +53,7 @@ def test_areas_and_normals_of_non_convex_faces():
 
 def test_centroids_are_those_of_area():
     polygons = [*stars(), L_SHAPE]
-    mesh, normals = placed(polygons)
+    mesh, _ = placed(polygons)
     found = measures.face_centroids(mesh)
     for f, polygon in enumerate(polygons):
         middle = shapely.Polygon(polygon).centroid
@@ -167,3 +168,12 @@ def test_simple_faces_agree_with_shapely_on_lattice_polygons():
     assert 200 < sum(wanted) < 1300
     mesh, _ = placed(polygons, away=3.0)
     assert measures.simple_faces(mesh).tolist() == wanted
+
+
+def test_a_mesh_without_faces_has_empty_measures_and_no_mean():
+    nothing = PolyMesh.from_faces(np.eye(3), [])
+    for verb in (measures.planarity, measures.simple_faces, measures.signed_areas):
+        assert len(verb(nothing)) == 0
+    for verb in (measures.mean_edge, measures.shortest_edge):
+        with pytest.raises(MeshError, match="no face"):
+            verb(nothing)

@@ -181,7 +181,7 @@ def loose_grid(shift=0.0):
     """A 3×3 grid of unit squares, each with its own four corners, moved apart by up to shift."""
     rng = np.random.default_rng(2)
     unit = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
-    points = np.concatenate([unit + [i, j, 0] for j in range(3) for i in range(3)])
+    points = np.concatenate([unit + np.array([i, j, 0]) for j in range(3) for i in range(3)])
     points += shift * rng.uniform(-1, 1, points.shape) / np.sqrt(12)
     return PolyMesh.from_faces(points, np.arange(36).reshape(9, 4))
 
