@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -158,7 +159,7 @@ def _nest(
             seconds=asked.seconds,
             packer=asked.packer,
             previous=json.dumps(previous) if previous else None,
-            progress=lambda done, total, family=family: say(f"nesting {family}", done, total),
+            progress=partial(say, f"nesting {family}"),
         )
         layouts[family] = json.loads(layout_to_json(nested))
         sheets += nested.sheets

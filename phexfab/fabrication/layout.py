@@ -47,7 +47,9 @@ class Nest:
 
 def placed(contour: FloatArray, placement: Placement) -> FloatArray:
     """Return a contour where it lies on the sheet: turned about the origin, then moved."""
-    return turned(np.asarray(contour, float), placement.angle) + np.array([placement.x, placement.y])
+    return turned(np.asarray(contour, float), placement.angle) + np.array(
+        [placement.x, placement.y]
+    )
 
 
 def sheet_yield(sheet: Sheet, flats: Iterable[FlatPart]) -> float:

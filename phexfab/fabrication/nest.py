@@ -33,8 +33,8 @@ IntArray = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 
 _CLEAR = 2e-3  # mm added to half the spacing: Sparrow counts in single precision
-_FULL = 0.92  # share of a sheet, spacing included, that irregular parts do not exceed
-_HOPE = 0.02  # what the fullest sheet yet may be surpassed by
+_FULL = 0.85  # share of a sheet, spacing included, that irregular parts do not exceed
+_SPILL = 2  # parts that a sheet may leave over where its mixture does not fit
 _HALF = (0.0, 180.0)
 # Seconds a part: for each report of Sparrow and for getting stuck, measured at 30 to 40 parts.
 _REPORT_COST, _STUCK_COST = 2.5e-4, 6e-2
@@ -107,10 +107,13 @@ def nest(
     job = _prepare(parts, stock)
     everything = np.argsort(np.round(job.areas, 3), kind="stable")
     layout = _rows(job, everything)
+    bars = _bars(job)
+    if not bars and len(layout) > 1:
+        layout = min(layout, _rows_by_sheet(job, everything), key=len)
     fewest = int(np.ceil(np.sum(job.areas) / (_FULL * job.length * job.width) - 1e-9))
-    if packer == "spyrrow" and len(layout) > fewest and not _bars(job):
+    if packer == "spyrrow" and len(layout) > fewest and not bars:
         sparrow = _Sparrow(job, seed, seconds, time.monotonic() + _CLOCK_GUARD * seconds)
-        denser = _search(job, everything, len(layout), sparrow, progress, notes)
+        denser = _search(job, everything, len(layout), fewest, sparrow, progress, notes)
         if denser is not None and len(denser) < len(layout):
             layout = denser
     sheets = _sheets(job, layout)
@@ -318,137 +321,148 @@ def _upright(spot: Spot, length: float, upright: bool) -> Spot:
     return k, angle + 90.0, length - y, x
 
 
+def _rows_by_sheet(job: _Job, order: IntArray) -> list[list[Spot]]:
+    """Fill one sheet after another with as many parts as the rows hold, the small ones first."""
+    layout: list[list[Spot]] = []
+    cap = len(order)
+    placed = 0
+    while placed < len(order):
+        left = order[placed:]
+        full = int(np.searchsorted(np.cumsum(job.areas[left]), job.length * job.width))
+        low, high, trial = 0, min(cap, full, len(left)) + 1, min(cap, full, len(left))
+        best: list[Spot] = []
+        while high - low > 1:
+            sheets = _rows(job, left[:trial], limit=1)
+            if sheets:
+                low, best = trial, sheets[0]
+            else:
+                high = trial
+            trial = (low + high) // 2 if not layout else max(high - 1, low + 1)
+        # Parts grow from here on: no more of them will fit on a sheet.
+        cap = low
+        layout.append(best)
+        placed += low
+    return layout
+
+
 @dataclass
 class _Sparrow:
-    """Asks Sparrow for one sheet at a time; remembers which way of turning the parts is better.
+    """Asks Sparrow whether parts fit on a sheet.
 
-    Work is counted in nominal seconds by Sparrow's reports, not by the clock, so that a slower
-    machine gets the same layout later rather than another one; the clock is only a guard.
+    Its work is counted in nominal seconds by the packer's reports, not by the clock, so that a
+    slower machine gets the same layout later rather than another one; the clock is only a guard.
     """
 
     job: _Job
     seed: int
     left: float
     deadline: float
-    along: float | None = None
     silent: str = ""
 
-    def fill(
-        self, parts: IntArray, count: int, spots: list[Spot], cap: int
-    ) -> tuple[int, list[Spot], int]:
-        """Return the most of the first parts that fit on a sheet, where they lie, and the cap.
-
-        ``count`` parts are known to fit at ``spots``; ``cap`` parts are known not to.
-        """
-        climbing = self.along is None
-        while cap - count > 1:
-            if self.along is None:
-                trials = [(count + 1, 0.0), (count + 1, 90.0)]
-            elif climbing:
-                trials = [(n, self.along) for n in (count + 2, count + 1) if n < cap]
-            else:
-                trials = [(n, self.along) for n in (cap - 1, cap - 2) if n > count]
-            layouts = self._run(parts, trials)
-            if self.silent:
-                break
-            if self.along is None:
-                shortest = min(range(len(layouts)), key=lambda k: layouts[k].length)
-                self.along = trials[shortest][1]
-            for (n, along), layout in zip(trials, layouts, strict=False):
-                if layout.length <= self.job.length:
-                    count, spots = n, self._spots(parts, layout, along)
-                else:
-                    cap = min(cap, n)
-        return count, spots, cap
-
-    def _run(self, parts: IntArray, trials: list[tuple[int, float]]) -> list[StripLayout]:
-        runs = []
-        for n, along in trials:
-            contours = [turned(self.job.contours[k], self.job.turns[k] + along) for k in parts[:n]]
-            patience = int(self.left / (_REPORT_COST * n))
-            runs.append(
-                StripRun(
-                    tuple(contours), self.job.width, self.job.length, _HALF, self.seed, patience
-                )
+    def ask(
+        self, trials: Sequence[tuple[IntArray, float, int]], *, until_one_fits: bool = False
+    ) -> list[list[Spot]]:
+        """Try sheets side by side: (parts, degrees they are turned by, seed); empty: no."""
+        job = self.job
+        runs = [
+            StripRun(
+                tuple(turned(job.contours[k], job.turns[k] + along) for k in parts),
+                job.width,
+                job.length,
+                _HALF,
+                self.seed + seed,
+                max(int(self.left / (_REPORT_COST * len(parts))), 0),
             )
-        layouts = pack_strips(runs, max(self.deadline - time.monotonic(), 0.1))
-        # Runs go side by side: the dearest one counts.
-        self.left -= max(
-            n * (_REPORT_COST * layout.reports + _STUCK_COST * (layout.length > run.target))
-            for (n, _), run, layout in zip(trials, runs, layouts, strict=False)
-        )
-        errors = [layout.error for layout in layouts if layout.error]
-        if errors:
-            self.silent = f"Sparrow failed ({errors[0]})"
-        elif any(layout.late for layout in layouts):
-            self.silent = "the clock ran out"
-        elif self.left <= 0:
-            self.silent = "the time given for it is spent"
-        return layouts
-
-    def _spots(self, parts: IntArray, layout: StripLayout, along: float) -> list[Spot]:
-        return [
-            (int(parts[k]), self.job.turns[int(parts[k])] + along + angle, x, y)
-            for k, angle, x, y in layout.spots
+            for parts, along, seed in trials
         ]
+        seconds = max(self.deadline - time.monotonic(), 0.1)
+        layouts = pack_strips(runs, seconds, until_one_fits=until_one_fits)
+        answers: list[list[Spot]] = []
+        costs = []
+        for (parts, along, _), layout in zip(trials, layouts, strict=False):
+            fits = layout.length <= job.length
+            turns = [job.turns[k] + along for k in parts]
+            answers.append(
+                [(int(parts[k]), turns[k] + a, x, y) for k, a, x, y in layout.spots] if fits else []
+            )
+            costs.append(len(parts) * (_REPORT_COST * layout.reports + _STUCK_COST * (not fits)))
+            if layout.error:
+                self.silent = f"Sparrow failed ({layout.error})"
+            elif layout.late:
+                self.silent = "the clock ran out"
+        self.left -= max(costs)  # they ran side by side
+        if self.left <= 0 and not self.silent:
+            self.silent = "the time given for nesting is spent"
+        return answers
+
+
+def _deal(order: IntArray, hands: int) -> list[IntArray]:
+    """Deal parts, sorted by size, to sheets: to and fro, so that all get the same mixture."""
+    place = np.arange(len(order))
+    turn, seat = np.divmod(place, hands)
+    seat = np.where(turn % 2, hands - 1 - seat, seat)
+    return [order[seat == hand] for hand in range(hands)]
 
 
 def _search(
     job: _Job,
     order: IntArray,
     beat: int,
+    fewest: int,
     sparrow: _Sparrow,
     progress: Progress | None,
     notes: list[str],
 ) -> list[list[Spot]] | None:
-    """Fill sheet after sheet with as many parts as can be, the small ones first.
+    """Deal the parts evenly to fewer sheets than ``beat``, the fewest that Sparrow can fill.
 
-    Returns None as soon as fewer sheets than ``beat`` are out of reach.
+    Sheets of mixed sizes leave Sparrow more freedom than sheets of equal parts, and a mixture
+    that fits on one sheet tells that the others will.
     """
-    sheet_area = job.length * job.width
-    room = _FULL * sheet_area
+    order = order[::-1]
     layout: list[list[Spot]] = []
-    cap = len(order) + 1  # this many do not fit on a sheet; nor will as many larger ones
-    placed = 0
-    fullest = 0.0
-    while placed < len(order):
-        if progress is not None:
-            progress(placed, len(order))
-        left = order[placed:]
-        areas = np.cumsum(job.areas[left])
-        if len(layout) + np.ceil(areas[-1] / room) >= beat:
-            return None
-        full = int(np.searchsorted(areas, _FULL * sheet_area, side="right"))
-        cap = min(cap, full + 1, len(left) + 1)
-        count, spots = _fill_rows(job, left, cap)
-        if count < len(left):
-            count, spots, cap = sparrow.fill(left, count, spots, cap)
-        layout.append(spots)
-        placed += count
-        # No sheet to come is expected to be much fuller than the fullest yet.
-        fullest = max(fullest, float(areas[count - 1]) / sheet_area)
-        room = min(_FULL, fullest + _HOPE) * sheet_area
-        if sparrow.silent and placed < len(order):
+    for hands in range(beat - 1, fewest - 1, -1):
+        sample = _deal(order, hands)[0]
+        answers = sparrow.ask([(sample, 0.0, 0), (sample, 90.0, 0)], until_one_fits=True)
+        if not any(answers):
+            break
+        chosen, along = hands, 0.0 if answers[0] else 90.0
+    else:
+        hands = fewest - 1
+    if hands == beat - 1:
+        if sparrow.silent:
+            notes.append(f"{sparrow.silent}: {_name(job)} lies in rows")
+        return None
+    rest: list[int] = []
+    sheets = _deal(order, chosen)
+    for k in range(0, chosen, 2):
+        if sparrow.silent:
+            rest += [int(i) for parts in sheets[k:] for i in parts]
             notes.append(
-                f"{sparrow.silent}: {len(order) - placed} of {len(order)} parts of "
-                f"{job.parts[0].material.name} {job.parts[0].thickness:g} mm lie in rows"
+                f"{sparrow.silent}: {len(rest)} of {len(order)} parts of {_name(job)} lie in rows"
             )
-            return layout + _rows(job, order[placed:])
+            break
+        if progress is not None:
+            progress(sum(map(len, layout)), len(order))
+        pair = sheets[k : k + 2]
+        for parts, answer in zip(pair, sparrow.ask([(p, along, 0) for p in pair]), strict=True):
+            spill = 0
+            while not answer and not sparrow.silent and spill <= _SPILL:
+                # Another seed, the other way round; then without the smallest part.
+                held = parts[: len(parts) - spill]
+                trials = [(held, along, 1 + spill), (held, 90.0 - along, 1 + spill)]
+                answer = next((a for a in sparrow.ask(trials, until_one_fits=True) if a), [])
+                spill += 1
+            lying = {i for i, *_ in answer}
+            rest += [int(i) for i in parts if int(i) not in lying]
+            if answer:
+                layout.append(answer)
+    if rest:
+        layout += _rows(job, np.array(sorted(rest), np.int64))
     return layout
 
 
-def _fill_rows(job: _Job, left: IntArray, cap: int) -> tuple[int, list[Spot]]:
-    """Return how many of the first parts fit on one sheet in rows (bisection), and how."""
-    low, high, trial = 0, cap, cap - 1
-    best: list[Spot] = []
-    while high - low > 1:
-        sheets = _rows(job, left[:trial], limit=1)
-        if sheets:
-            low, best = trial, sheets[0]
-        else:
-            high = trial
-        trial = (low + high) // 2
-    return low, best
+def _name(job: _Job) -> str:
+    return f"{job.parts[0].material.name} {job.parts[0].thickness:g} mm"
 
 
 def _sheets(job: _Job, layout: list[list[Spot]]) -> tuple[Sheet, ...]:

@@ -62,15 +62,18 @@ class StripLayout:
     late: bool = False
 
 
-def pack_strips(runs: Sequence[StripRun], seconds: float) -> list[StripLayout]:
+def pack_strips(
+    runs: Sequence[StripRun], seconds: float, *, until_one_fits: bool = False
+) -> list[StripLayout]:
     """Run the packer on several strips at once, each in a process of its own.
 
     Parameters
     ----------
     runs : sequence of StripRun
-        In order of preference: when one fits, those after it are not waited for.
     seconds : float
         The clock's limit for all of them; a guard against a packer that hangs.
+    until_one_fits : bool
+        Do not wait for the runs that follow one that reached its target.
 
     Returns
     -------
@@ -93,7 +96,7 @@ def pack_strips(runs: Sequence[StripRun], seconds: float) -> list[StripLayout]:
             _start(run, process)
         for run, process in zip(runs, processes, strict=True):
             layouts.append(_finish(run, process, deadline))
-            if layouts[-1].length <= run.target:
+            if until_one_fits and layouts[-1].length <= run.target:
                 break
         return layouts
     finally:

@@ -21,9 +21,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 INK = np.array([0.10, 0.13, 0.17])
-_SUN_SHARE, _SKY_SHARE, _GROUND_SHARE = 0.58, 0.60, 0.16
+_FLOOR, _SUN_SHARE, _SKY_SHARE, _GROUND_SHARE = 0.20, 0.50, 0.55, 0.18
 _SUN_SAMPLES, _SUN_RADIUS = 5, 0.06
-_MAP = 640  # pixels across a shadow map
+_MAP = 768  # pixels across a shadow map
+_BIAS = 1.5  # its pixels: how far a surface is lifted out of its own shadow
+_OUTLINE, _CREASE, _SHADOW = 0.62, 0.40, 0.5  # how dark parts, faces and the ground are drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,19 +136,23 @@ def _draw(
         wanted &= (towards > 0) == (side == "front")
     drawn = np.flatnonzero(wanted)
     seen, depth = rasterise(camera.project(scene.corners[drawn]), width, height)
+    seen = np.where(seen >= 0, drawn[seen] if len(drawn) else -1, -1)
     y, x = np.nonzero(seen >= 0)
-    tri = drawn[seen[y, x]]
-    away = camera.away(depth[y, x])
-    normal = scene.normals[tri] * np.where(towards[tri] > 0, 1.0, -1.0)[:, None]
-    point = camera.eye + away[:, None] * camera.rays(x + 0.5, y + 0.5)
+    tri = seen[y, x]
     sky = _directions(view, lights)
-    maps = _shadow_maps(scene, sky, lights > 0)
+    maps = _shadow_maps(scene, sky) if lights else None
+    # One light sample serves all samples of a pixel that see the same triangle.
+    block = (y // supersample) * (width // supersample) + x // supersample
+    _, one, which = np.unique(block * len(scene.face) + tri, return_index=True, return_inverse=True)
+    y1, x1, tri1 = y[one], x[one], tri[one]
+    point = camera.eye + camera.away(depth[y1, x1])[:, None] * camera.rays(x1 + 0.5, y1 + 0.5)
+    normal = scene.normals[tri1] * np.where(towards[tri1] > 0, 1.0, -1.0)[:, None]
     light = _light(point, normal, sky, maps)
-    image[y, x, :3] = np.clip(scene.colours[tri] * light[:, None], 0, 1)
+    image[y, x, :3] = np.minimum(scene.colours[tri] * light[which][:, None], 1)
     image[y, x, 3] = 1.0
-    _ink(image, scene, np.where(seen >= 0, drawn[seen], -1), depth, supersample)
-    if ground and lights and camera.axes[2, 2] > 0.05:
-        _ground(image, scene, camera, sky, maps, seen < 0)
+    _ink(image, scene, seen, depth)
+    if ground and maps is not None and camera.axes[2, 2] > 0.05:
+        _ground(image, scene, camera, sky, maps, seen < 0, 2 * supersample)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,13 +165,28 @@ class _Sky:
 
 @dataclass(frozen=True, eq=False)
 class _ShadowMaps:
-    """For each light a map of how far towards it the nearest surface reaches."""
+    """For each light a map of how far towards it the nearest surface reaches.
 
-    frames: FloatArray  # (n, 3, 3): rows across, along, towards the light
+    Points are measured from the maps' centre in units of a map's pixel, in single precision:
+    the maps are coarser than that.
+    """
+
+    frames: NDArray[np.float32]  # (n, 3, 3): rows across, along, towards the light
     centre: FloatArray
     scale: float
-    reach: list[FloatArray]
-    bias: float
+    reach: list[NDArray[np.float32]]
+
+    def place(self, points: FloatArray, normals: FloatArray | float = 0.0) -> NDArray[np.float32]:
+        """Return (3, n) points of the maps' space, lifted off their surface."""
+        local = (points - self.centre) * self.scale + _BIAS * normals
+        return np.ascontiguousarray(local.T, np.float32)
+
+    def shadowed(self, placed: NDArray[np.float32], k: int) -> NDArray[np.bool_]:
+        """Return whether something stands between placed points and light ``k``."""
+        u, v, w = self.frames[k] @ placed
+        half = np.float32(_MAP / 2)
+        cell = (v + half).astype(np.int32) * _MAP + (u + half).astype(np.int32)
+        return np.asarray(self.reach[k].take(cell, mode="clip") > w + np.float32(_BIAS))
 
 
 def _directions(view: View, lights: int) -> _Sky:
@@ -191,13 +212,11 @@ def _directions(view: View, lights: int) -> _Sky:
     return _Sky(np.concatenate([sky.reshape(-1, 3), suns]), weight)
 
 
-def _shadow_maps(scene: Scene, sky: _Sky, wanted: bool) -> _ShadowMaps | None:
-    if not wanted:
-        return None
+def _shadow_maps(scene: Scene, sky: _Sky) -> _ShadowMaps:
     points = scene.corners.reshape(-1, 3)
     centre = (points.min(0) + points.max(0)) / 2
     radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
-    scale = (_MAP / 2 - 2) / radius
+    scale = (_MAP / 2 - 4) / radius
     frames, reach = [], []
     for d in sky.towards:
         across = np.cross(np.eye(3)[np.abs(d).argmin()], d)
@@ -205,62 +224,50 @@ def _shadow_maps(scene: Scene, sky: _Sky, wanted: bool) -> _ShadowMaps | None:
         frame = np.array([across, np.cross(d, across), d])
         # Of a solid, the side turned to the light casts the whole shadow.
         casts = (scene.normals @ d > 0) | ~scene.closed
-        local = (scene.corners[casts] - centre) @ frame.T
-        local[..., :2] = local[..., :2] * scale + _MAP / 2
-        local[..., 2] = 0.5 + local[..., 2] / (2.002 * radius)
+        local = (scene.corners[casts] - centre) @ frame.T * scale
+        local[..., :2] += _MAP / 2
+        local[..., 2] = 0.5 + local[..., 2] / _MAP
         seen, depth = rasterise(local, _MAP, _MAP)
-        nearest = np.where(seen >= 0, (depth - 0.5) * 2.002 * radius, -np.inf)
+        nearest = np.where(seen >= 0, (depth - 0.5) * _MAP, -np.inf)
         frames.append(frame)
         reach.append(nearest.astype(np.float32).ravel())
-    return _ShadowMaps(np.array(frames), centre, scale, reach, 1.6 / scale)
+    return _ShadowMaps(np.array(frames, np.float32), centre, scale, reach)
 
 
 def _light(
     point: FloatArray, normal: FloatArray, sky: _Sky, maps: _ShadowMaps | None
 ) -> FloatArray:
     """Return the light that reaches points of a surface with the given normals."""
-    total = _GROUND_SHARE * (0.5 - 0.5 * normal[:, 2]) + 0.10
-    if maps is None:
-        total = total + _SKY_SHARE * (0.5 + 0.5 * normal[:, 2])
-    sunny = len(sky.weight) - _SUN_SAMPLES
-    lit = point if maps is None else point - maps.centre + maps.bias * normal
-    for k in range(0 if maps is not None else sunny, len(sky.weight)):
-        cosine = normal @ sky.towards[k]
-        share = sky.weight[k] * np.maximum(cosine, 0)
-        if maps is not None:
-            facing = np.flatnonzero(share)
-            dark = facing[_shadowed(lit[facing], maps, k)]
-            share[dark] = 0
-        total = total + share
+    total = _FLOOR + _GROUND_SHARE * (0.5 - 0.5 * normal[:, 2])
+    first = 0
+    if maps is None:  # the open sky in closed form; the sun casts no shadow
+        total += _SKY_SHARE * (0.5 + 0.5 * normal[:, 2])
+        first = len(sky.weight) - _SUN_SAMPLES
+    placed = None if maps is None else maps.place(point, normal)
+    for k in range(first, len(sky.weight)):
+        facing = np.flatnonzero(normal @ sky.towards[k] > 0)
+        if maps is not None and placed is not None:
+            facing = facing[~maps.shadowed(placed[:, facing], k)]
+        total[facing] += sky.weight[k] * (normal[facing] @ sky.towards[k])
     return total
 
 
-def _shadowed(offset: FloatArray, maps: _ShadowMaps, k: int) -> NDArray[np.bool_]:
-    """Return whether something stands between points (from the maps' centre) and light k."""
-    local = offset @ maps.frames[k].T
-    cell = np.clip(local[:, :2] * maps.scale + _MAP / 2, 0, _MAP - 1).astype(np.int64)
-    return np.asarray(maps.reach[k][cell[:, 1] * _MAP + cell[:, 0]] > local[:, 2] + maps.bias)
-
-
-def _ink(
-    image: FloatArray, scene: Scene, tri: IntArray, depth: FloatArray, supersample: int
-) -> None:
+def _ink(image: FloatArray, scene: Scene, tri: IntArray, depth: FloatArray) -> None:
     """Draw outlines and edges where neighbouring pixels see different parts or faces."""
     known = tri >= 0
     face = np.where(known, scene.face[tri], -1)
     part = np.where(known, scene.part[tri], -1)
     strength = np.zeros(tri.shape)
     for axis in (0, 1):
-        a: tuple[slice, slice] = (slice(None), slice(None, -1)) if axis else (slice(None, -1), slice(None))
-        b: tuple[slice, slice] = (slice(None), slice(1, None)) if axis else (slice(1, None), slice(None))
-        crease = np.where(face[a] != face[b], 0.42, 0.0)
-        outline = np.where(part[a] != part[b], 0.62, 0.0)
-        line = np.maximum(crease, outline)
+        a = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
+        b = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
+        line = np.where(part[a] != part[b], _OUTLINE, np.where(face[a] != face[b], _CREASE, 0.0))
         # The line lies on the nearer of the two: an outline belongs to what it bounds.
         first = depth[a] >= depth[b]
-        strength[a] = np.maximum(strength[a], np.where(first, line, 0))
-        strength[b] = np.maximum(strength[b], np.where(first, 0, line))
-    image[..., :3] += strength[..., None] * known[..., None] * (INK - image[..., :3])
+        np.maximum(strength[a], np.where(first, line, 0), out=strength[a])
+        np.maximum(strength[b], np.where(first, 0, line), out=strength[b])
+    y, x = np.nonzero(strength)
+    image[y, x, :3] += strength[y, x, None] * (INK - image[y, x, :3])
 
 
 def _ground(
@@ -268,31 +275,28 @@ def _ground(
     scene: Scene,
     camera: Camera,
     sky: _Sky,
-    maps: _ShadowMaps | None,
+    maps: _ShadowMaps,
     empty: NDArray[np.bool_],
+    step: int,
 ) -> None:
-    """Lay the scene's shadow on the level of its lowest point."""
-    if maps is None:
-        return
+    """Lay the scene's shadow on the level of its lowest point, sampled every ``step`` pixels."""
+    from scipy.ndimage import gaussian_filter
+
     height, width = empty.shape
-    step = 2  # the shadow is soft: every other pixel is enough
-    y, x = np.mgrid[0:height:step, 0:width:step]
+    y, x = np.mgrid[0 : height + step : step, 0 : width + step : step]
     rays = camera.rays(x + 0.5, y + 0.5)
     level = scene.corners[..., 2].min()
-    fall = np.minimum(rays[..., 2], -1e-3)
-    point = camera.eye + rays * ((level - camera.eye[2]) / fall)[..., None]
-    radius = (_MAP / 2 - 2) / maps.scale
-    offset = (point - maps.centre).reshape(-1, 3)
-    offset[:, 2] += maps.bias
-    near = np.flatnonzero((np.hypot(offset[:, 0], offset[:, 1]) < 3 * radius) & (rays[..., 2] < 0).ravel())
-    full = float((sky.weight * sky.towards[:, 2]).sum())
-    lost = np.zeros(len(offset))
+    fall = (level - camera.eye[2]) / np.minimum(rays[..., 2], -1e-3)
+    placed = maps.place((camera.eye + rays * fall[..., None]).reshape(-1, 3))
+    lost = np.zeros(placed.shape[1])
     for k, d in enumerate(sky.towards):
-        inside = np.abs(offset[near] @ maps.frames[k, :2].T).max(1) < radius
-        reached = near[inside]
-        dark = reached[_shadowed(offset[reached], maps, k)]
-        lost[dark] += sky.weight[k] * d[2]
-    shadow = (0.55 * lost / full).reshape(y.shape)
-    soft = np.repeat(np.repeat(shadow, step, 0), step, 1)[:height, :width]
-    image[..., :3] += np.where(empty, soft, 0)[..., None] * INK
-    image[..., 3] += np.where(empty, soft, 0)
+        spot = np.abs(maps.frames[k, :2] @ placed).max(0)
+        over = np.flatnonzero((spot < _MAP / 2 - 1) & (rays[..., 2] < 0).ravel())
+        lost[over[maps.shadowed(placed[:, over], k)]] += sky.weight[k] * d[2]
+    lost *= _SHADOW / float(sky.weight @ sky.towards[:, 2])
+    # A handful of lights make terraces; a little blur makes them one soft shadow.
+    soft = gaussian_filter(lost.reshape(y.shape), 1.6)
+    soft = gaussian_filter(np.repeat(np.repeat(soft, step, 0), step, 1), step / 2)
+    soft = np.where(empty, soft[:height, :width], 0)
+    image[..., :3] += soft[..., None] * INK
+    image[..., 3] += soft
