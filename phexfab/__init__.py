@@ -1,11 +1,11 @@
 """phexfab: from a named minimal surface to a shell that a workshop can build.
 
 ``build`` walks from a design file to parts and checks; everything on the way is a plain value and
-can be had on its own: ``surface`` → ``lattice_on`` → ``minimal_shell`` → ``offset`` → ``panels``,
-``beams``, ``nodes``. No CAD kernel is loaded until an adapter is called.
+can be had on its own: ``minimal_surface`` → ``lattice_on`` → ``minimal_shell`` → ``offset`` →
+``panels``, ``beams``, ``nodes``. No CAD kernel is loaded until an adapter is called.
 """
 
-from phexfab.design import Design, load_design, parse_design
+from phexfab.design import Design, load_design, make_design, parse_design
 from phexfab.errors import (
     DesignError,
     LatticeError,
@@ -38,7 +38,7 @@ from phexfab.surface import (
     catalog,
     from_height_differential,
     from_weierstrass,
-    surface,
+    minimal_surface,
 )
 
 __version__ = "0.1.0"
@@ -84,7 +84,9 @@ __all__ = [
     "lattice",
     "lattice_on",
     "load_design",
+    "make_design",
     "minimal_shell",
+    "minimal_surface",
     "node_axes",
     "nodes",
     "offset",
@@ -92,7 +94,6 @@ __all__ = [
     "parse_design",
     "read_mesh",
     "solve_minimal",
-    "surface",
     "surface_distance",
     "write_mesh",
 ]

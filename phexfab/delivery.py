@@ -22,7 +22,7 @@ from phexfab.errors import DesignError, PartError
 from phexfab.fabrication.bom import bom_rows, write_bom
 from phexfab.fabrication.checks import measure
 from phexfab.fabrication.layout import layout_to_json, sheet_yield
-from phexfab.fabrication.marking import engraving
+from phexfab.fabrication.marking import Marking, marking
 from phexfab.fabrication.nest import nest_all
 from phexfab.fabrication.parts import FlatPart, Sheet
 from phexfab.mesh import write_obj
@@ -35,7 +35,16 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 LAYOUT = "layout.json"
 CONTENTS = frozenset(
-    {"shell.obj", "gauss.obj", "parts.step", "sheets", "bom.csv", "report.json", "report.html", LAYOUT}
+    {
+        "shell.obj",
+        "gauss.obj",
+        "parts.step",
+        "sheets",
+        "bom.csv",
+        "report.json",
+        "report.html",
+        LAYOUT,
+    }
 )
 LIBRARIES = (
     "phexfab", "numpy", "scipy", "shapely", "manifold3d", "ezdxf", "spyrrow", "matplotlib",
@@ -106,12 +115,14 @@ def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
     write_obj(shell.mesh, folder / "shell.obj")
     write_obj(shell.gauss, folder / "gauss.obj")
     say("sheets", 0, 0)
-    marks = {mark: engraving(flat) for mark, flat in flats.items()}
+    engraved = {mark: marking(flat) for mark, flat in flats.items()}
+    lines = {mark: made.lines for mark, made in engraved.items()}
     meta = {"project": design.name, "revision": project.revision, "author": project.author}
-    write_sheets(sheets, flats, folder / "sheets", meta, version=design.output.dxf_version)
+    version = design.output.dxf_version
+    write_sheets(sheets, flats, folder / "sheets", meta, version=version, marks=lines)
     write_bom(folder / "bom.csv", bom_rows(parts, sheets))
     (folder / LAYOUT).write_text(_json(layouts), encoding="utf-8")
-    figures = {**built.figures, **_sheet_figures(sheets, flats)}
+    figures = {**built.figures, **_sheet_figures(sheets, flats), **_marking_figures(engraved)}
     say("report", 0, 0)
     versions = _versions()
     (folder / "report.json").write_text(_json(_report(built, figures, versions)), encoding="utf-8")
@@ -122,7 +133,7 @@ def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
             shell=shell,
             parts=parts,
             sheets=tuple(sheets),
-            engraving=marks,
+            engraving=lines,
             checks=built.checks,
             figures=figures,
             histograms=_histograms(built),
@@ -180,6 +191,18 @@ def _sheet_figures(
     return figures
 
 
+def _marking_figures(engraved: Mapping[str, Marking]) -> dict[str, tuple[float | int | str, str]]:
+    """Say what the engraving had no room for; nothing where all of it fits."""
+    unmarked = sum(made.height == 0 for made in engraved.values())
+    bare = sum(len(made.bare) for made in engraved.values())
+    figures: dict[str, tuple[float | int | str, str]] = {}
+    if unmarked:
+        figures["parts too small for their mark"] = (unmarked, "")
+    if bare:
+        figures["edges with a tick but no note"] = (bare, "")
+    return figures
+
+
 def _histograms(built: Build) -> dict[str, tuple[NDArray[np.float64], str]]:
     measured = measure(built.shell)
     histograms = {
@@ -189,7 +212,9 @@ def _histograms(built: Build) -> dict[str, tuple[NDArray[np.float64], str]]:
         "angle between neighbouring panels": (measured["dihedral_angle"], "deg"),
     }
     if built.parts.beams:
-        mitres = np.abs([angle for beam in built.parts.beams for end in beam.mitres for angle in end])
+        mitres = np.abs(
+            [angle for beam in built.parts.beams for end in beam.mitres for angle in end]
+        )
         histograms["mitre of beam ends"] = (mitres, "deg")
     bevels = np.array([e.bevel for panel in built.parts.panels for e in panel.flat.edges])
     if np.any(bevels):
@@ -197,7 +222,9 @@ def _histograms(built: Build) -> dict[str, tuple[NDArray[np.float64], str]]:
     return histograms
 
 
-def _report(built: Build, figures: Mapping[str, Any], versions: Mapping[str, str]) -> dict[str, Any]:
+def _report(
+    built: Build, figures: Mapping[str, Any], versions: Mapping[str, str]
+) -> dict[str, Any]:
     return {
         "title": built.design.name,
         "verdict": "pass" if built.ok else "fail",

@@ -192,7 +192,7 @@ def test_a_folder_of_somebody_elses_is_not_replaced(delivered, tmp_path):
 
 
 WRONG = {
-    'closed = along u': ('[surface]\nname="catenoid"\nu="closed"\n', r"surface\.u.*closes along v"),
+    "closed = along u": ('[surface]\nname="catenoid"\nu="closed"\n', r"surface\.u.*closes along v"),
     "enneper does not close": ('[surface]\nname="enneper"\nv="closed"\n', "does not close"),
     "rectangle through an umbilic": (
         '[surface]\nname="enneper"\norder=2\nu=[-0.5,0.5]\nv=[-0.5,0.5]\n',

@@ -102,7 +102,7 @@ def write_sheet(
     path = Path(path)
     fresh = path.with_name(f".{path.name}.part")
     with _fixed_meta_data():
-        drawing = ezdxf.new(version, units=_MILLIMETRES)
+        drawing = ezdxf.new(version, units=0 if version == "R12" else _MILLIMETRES)
         _draw(drawing, sheet, flats, meta, marks)
         findings = drawing.audit()
         if findings.has_issues:

@@ -125,15 +125,16 @@ def beams(shell: Shell, spec: BeamSpec, panel: PanelSpec) -> tuple[Beam, ...]:
     if spec.ends == "mitred":
         mitres = 90.0 - np.degrees(np.stack([bars.ends.left, bars.ends.right], axis=2)) / 2.0
     outlines = _outlines(bars, spec)
-    seen = mitres[:, :, 1 if bars.side < 0.0 else 0].tolist()
+    near = 1 if bars.side < 0.0 else 0
+    seen = mitres[:, :, [near, 1 - near]].tolist()
 
     end_marks = np.array(node_marks(shell), object)[edges[:, :2]].tolist()
     met = _neighbours(shell, names)
     plain = EdgeNote("", 0.0)
     made = []
     for e, name in enumerate(names):
-        (mark_i, mark_j), (bevel_i, bevel_j) = end_marks[e], seen[e]
-        notes = (plain, EdgeNote(mark_j, bevel_j), plain, EdgeNote(mark_i, bevel_i))
+        (mark_i, mark_j), (at_i, at_j) = end_marks[e], seen[e]
+        notes = (plain, EdgeNote(mark_j, *at_j), plain, EdgeNote(mark_i, *at_i))
         outline = outlines[e]
         flat = FlatPart(name, outline, outline, notes, spec.width, spec.material)
         (a, b), (c, d) = mitres[e].tolist()

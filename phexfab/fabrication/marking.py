@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from phexfab.fabrication.parts import FlatPart
+from phexfab.fabrication.parts import EdgeNote, FlatPart
 from phexfab.fabrication.strokes import text_strokes, text_width
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +53,8 @@ def marking(flat: FlatPart) -> Marking:
 
     The mark stands as large as it fits, up to 30 mm. Every edge with a neighbour or a bevel has a
     tick at its middle and, along it, the neighbour's mark and the bevel in degrees, such as
-    ``P018 +3.2``: positive where the part is larger on the side away from the viewer.
+    ``P018 +3.2``: positive where the part is larger on the side away from the viewer. The end of a
+    mitred bar has two, near and far side: ``N105 +60.3/-29.3``.
     """
     outline = np.asarray(flat.outline, float)
     part = shapely.Polygon(outline)
@@ -80,8 +81,7 @@ def _edge_notes(
     """Return the ticks and the texts of the edges that have something to say."""
     ticks, notes = {}, {}
     for k, edge in enumerate(flat.edges):
-        square = abs(edge.bevel) < 0.05
-        text = " ".join(filter(None, [edge.neighbour, "" if square else f"{edge.bevel:+.1f}"]))
+        text = " ".join(filter(None, [edge.neighbour, _bevel_text(edge)]))
         if not text:
             continue
         notes[k] = text
@@ -90,6 +90,12 @@ def _edge_notes(
         if part.contains(shapely.LineString(tick)):
             ticks[k] = tick
     return ticks, notes
+
+
+def _bevel_text(edge: EdgeNote) -> str:
+    """Return the bevel in degrees, both of them as near/far for a ridge, nothing for square."""
+    bevels = [edge.bevel] if edge.far_bevel is None else [edge.bevel, edge.far_bevel]
+    return "/".join(f"{b:+.1f}" for b in bevels) if any(abs(b) >= 0.05 for b in bevels) else ""
 
 
 def _edge_frame(outline: FloatArray, k: int, t: float) -> tuple[FloatArray, FloatArray, FloatArray]:

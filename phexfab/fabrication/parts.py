@@ -58,10 +58,14 @@ class EdgeNote:
     bevel : float
         Degrees between the edge's face and a square cut; positive where the part is larger on
         the side away from the drawing. 0 is square.
+    far_bevel : float, optional
+        Where the edge is cut to a ridge in the middle of the thickness (a mitred bar's end):
+        the bevel of the face on the far side, in the same sense seen from there.
     """
 
     neighbour: str
     bevel: float
+    far_bevel: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -16,10 +16,10 @@ from phexfab.report.triangulate import triangulate
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PANEL_COLOUR = (0.93, 0.91, 0.87)
-BEAM_COLOUR = (0.36, 0.44, 0.52)
-NODE_COLOUR = (0.80, 0.56, 0.24)
-SPHERE_COLOUR = (0.90, 0.92, 0.95)
+PANEL_COLOUR = (0.88, 0.83, 0.71)
+BEAM_COLOUR = (0.36, 0.43, 0.50)
+NODE_COLOUR = (0.78, 0.40, 0.20)
+SPHERE_COLOUR = (0.88, 0.91, 0.95)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +144,18 @@ def mesh_layer(family: str, mesh: PolyMesh, marks: Sequence[str], colours: Float
         vertex_part=mesh.face_of_corner,
         closed=False,
     )
+
+
+def gauss_layer(mesh: PolyMesh, marks: Sequence[str], colours: FloatArray) -> Layer:
+    """Return the faces of a Gauss image, all turned outwards.
+
+    Where K < 0 the Gauss map reverses the sense of a face; a picture tells near from far by it.
+    """
+    layer = mesh_layer("gauss image", mesh, marks, colours)
+    a, b, c = np.moveaxis(layer.vertices[layer.triangles], 1, 0)
+    inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) < 0
+    triangles = np.where(inwards[:, None], layer.triangles[:, ::-1], layer.triangles)
+    return replace(layer, triangles=triangles)
 
 
 def sphere_layer(rings: int = 32) -> Layer:

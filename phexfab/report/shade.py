@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 INK = np.array([0.10, 0.13, 0.17])
-_FLOOR, _SUN_SHARE, _SKY_SHARE, _GROUND_SHARE = 0.20, 0.50, 0.55, 0.18
+_FLOOR, _SUN_SHARE, _SKY_SHARE, _GROUND_SHARE = 0.27, 0.52, 0.48, 0.22
 _SUN_SAMPLES, _SUN_RADIUS = 5, 0.06
 _MAP = 768  # pixels across a shadow map
 _BIAS = 1.5  # its pixels: how far a surface is lifted out of its own shadow

@@ -1,6 +1,6 @@
 """Smooth minimal surfaces: Weierstrass data, curvature-line coordinates, the catalog."""
 
-from phexfab.surface.catalog import CatalogEntry, catalog, surface
+from phexfab.surface.catalog import CatalogEntry, catalog, minimal_surface, surface
 from phexfab.surface.construct import (
     associate,
     from_expressions,
@@ -19,5 +19,6 @@ __all__ = [
     "from_expressions",
     "from_height_differential",
     "from_weierstrass",
+    "minimal_surface",
     "surface",
 ]

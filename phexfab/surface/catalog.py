@@ -159,6 +159,10 @@ def surface(name: str, **options: Any) -> MinimalSurface:
     return associate(made, angle) if angle and "bonnet_angle" not in own else made
 
 
+#: The same under the name that `phexfab` hands out, where ``phexfab.surface`` is this package.
+minimal_surface = surface
+
+
 def _suggest(word: str, words: list[str]) -> str:
     close = get_close_matches(word.lower(), words, n=1)
     return f" did you mean {close[0]!r}?" if close else ""

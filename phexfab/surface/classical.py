@@ -38,9 +38,7 @@ def _from_base(curve: NullCurve, base: complex) -> NullCurve:
     return lambda z: curve(z) - origin
 
 
-def _monomial(
-    name: str, p: int, q: int, base: float, rectangle: Rectangle
-) -> MinimalSurface:
+def _monomial(name: str, p: int, q: int, base: float, rectangle: Rectangle) -> MinimalSurface:
     """Return the surface with g = z^p and f = z^q, for which Q = p z^(p+q-1) is a monomial too."""
 
     def primitive(z: ComplexArray, k: int) -> ComplexArray:
@@ -71,7 +69,7 @@ def _monomial(
 
 
 def enneper(order: int = 1) -> MinimalSurface:
-    """Return Enneper's surface g = z^n, f = 1; for n > 1 a patch beside the umbilic of order n-1."""
+    """Return Enneper's surface g = z^n, f = 1; order n > 1 a patch beside its umbilic."""
     n = _whole("enneper", "order", order, 1, 12)
     if n == 1:
         return _monomial("enneper", 1, 0, 0.0, (-0.75, 0.75, -0.75, 0.75))
@@ -116,7 +114,8 @@ def catenoid() -> MinimalSurface:
         to_curvature=lambda z: z,
         from_curvature=lambda w: w,
         period=2j * np.pi,
-        rectangle=(-1.2, 1.2, -np.pi, np.pi),
+        # At u = ±1.19968 the film between the rims turns unstable, and the minimal solve singular.
+        rectangle=(-1.0, 1.0, -np.pi, np.pi),
     )
 
 
@@ -153,9 +152,7 @@ def scherk_1() -> MinimalSurface:
 
 def scherk_2() -> MinimalSurface:
     """Return Scherk's singly periodic tower, conjugate to scherk-1: sin z = sinh x sinh y."""
-    return replace(
-        associate(scherk_1(), 90.0), name="scherk-2", rectangle=(-1.1, 1.1, -1.1, 1.1)
-    )
+    return replace(associate(scherk_1(), 90.0), name="scherk-2", rectangle=(-1.1, 1.1, -1.1, 1.1))
 
 
 def henneberg() -> MinimalSurface:

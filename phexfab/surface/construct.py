@@ -59,15 +59,16 @@ def from_weierstrass(
         form=f,
         null_curve=null_curve,
         base=complex(base),
-        rectangle=tuple(float(x) for x in rectangle),  # type: ignore[arg-type]
+        rectangle=rectangle,
         singular=tuple(complex(p) for p in singular),
     ).scaled(scale)
     q = surface.hopf(surface.base)
     size = np.abs(evaluate(f, np.array(surface.base))) * np.finfo(float).eps / radius
     if not np.isfinite(q) or np.abs(q) <= 16 * size:
         raise SurfaceError(
-            f"{name}: the Hopf differential f g' is {show(q)} at the base z = {show(base)}: an "
-            "umbilic, a branch point, an end, or a plane; choose a base at a regular point"
+            f"{name}: the Hopf differential f g' is {show(complex(q))} at the base "
+            f"z = {show(base)}: an umbilic, a branch point, an end, or a plane; choose a base "
+            "at a regular point"
         )
     return surface
 

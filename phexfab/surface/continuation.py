@@ -19,9 +19,7 @@ from phexfab.surface.holomorphic import CIRCLE, ComplexArray, show
 
 Quantity = Callable[[ComplexArray], ComplexArray]
 
-_RULES = [
-    (0.5 + 0.5 * x, 0.5 * weights) for x, weights in map(np.polynomial.legendre.leggauss, (3, 5, 10))
-]
+_RULES = [(0.5 + 0.5 * x, 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (3, 5, 10))]
 REACH = 0.5  # |Q/Q_start - 1| allowed within one step
 SMALLEST = 1e-7  # of the way: a shorter step means that a singularity is in it
 CLUSTER = 16  # points that share one long way from the base
@@ -133,7 +131,8 @@ def march(hopf: Quantity, start: Germ, w: ComplexArray) -> tuple[Germ, NDArray[n
             what, place, at = describe(hopf, here[1][i], here[0][i], here[3][i])
             raise SurfaceError(
                 f"curvature-line coordinates cannot be continued to w = {show(w[i])}: {what} lies "
-                f"in the way at z = {show(place)}, w = {show(at)}; choose a rectangle that avoids it"
+                f"in the way at z = {show(place)}, w = {show(at)}; "
+                "choose a rectangle that avoids it"
             )
         todo = todo[(here[0] != w)[todo]]
     return Germ(*here), shortest
@@ -163,8 +162,10 @@ def continue_from_base(hopf: Quantity, base: complex, w: ComplexArray) -> Germ:
         return march(hopf, origin[zeros], w)[0]
     low = complex(w.real.min(), w.imag.min())
     size = max(np.ptp(w.real), np.ptp(w.imag), 1e-300) / np.ceil(np.sqrt(len(w) / CLUSTER))
-    column, row = ((w - low).real // size).astype(np.int64), ((w - low).imag // size).astype(np.int64)
-    _, first, cell = np.unique(column * (row.max() + 1) + row, return_index=True, return_inverse=True)
+    away = (w - low) / size
+    column, row = away.real.astype(np.int64), away.imag.astype(np.int64)
+    index = column * (row.max() + 1) + row
+    _, first, cell = np.unique(index, return_index=True, return_inverse=True)
     middle = low + size * (column[first] + 0.5 + 1j * (row[first] + 0.5))
     try:
         germs, shortest = march(hopf, origin[np.zeros(len(middle), np.int64)], middle)

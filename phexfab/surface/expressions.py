@@ -124,7 +124,10 @@ class Expression:
                 raise self._refuse(f"{name}() of more or less than one value", "give it one value")
             case _:
                 piece = ast.unparse(node)[:40]
-                raise self._refuse(f"{piece!r} ({type(node).__name__})", "see the help for surfaces")
+                raise self._refuse(
+                    f"{piece!r} ({type(node).__name__})",
+                    "write numbers, z, + - * / ** and functions",
+                )
 
     def _evaluate(self, node: ast.expr, z: ComplexArray) -> Dual:
         match node:
@@ -150,7 +153,7 @@ class Expression:
 def _number(value: object) -> complex:
     """Return a literal as a complex number; whole numbers too large for a float are infinite."""
     try:
-        return complex(value)  # type: ignore[call-overload, no-any-return]
+        return complex(value)  # type: ignore[call-overload]
     except OverflowError:
         return complex(np.inf)
 

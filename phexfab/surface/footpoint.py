@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 STEPS = 60
 
 
-def foot_parameter(
-    surface: MinimalSurface, points: ArrayLike, guess_z: ArrayLike
-) -> ComplexArray:
+def foot_parameter(surface: MinimalSurface, points: ArrayLike, guess_z: ArrayLike) -> ComplexArray:
     """Return the parameters of the foot points of ``points`` on the surface.
 
     Newton on the squared distance: the Gauss–Newton step in the tangent plane, corrected by

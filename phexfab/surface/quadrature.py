@@ -132,7 +132,7 @@ def integrate_root(
         with np.errstate(all="ignore"):
             q = quantity(start + span[owner, None] * (a[:, None] + (b - a)[:, None] * t))
             ratio = q[:, 1:] / q[:, :1]
-            sure = (np.isfinite(ratio) & (ratio.real > 0)).all(1)
+            sure = np.all(np.isfinite(ratio) & (ratio.real > 0), axis=1)
             roots = np.sqrt(ratio)
             return (b - a) * span[owner] * (roots[:, :-1] @ WEIGHTS), roots[:, -1], sure
 
@@ -148,7 +148,9 @@ def integrate_root(
             mass = np.maximum(np.abs(part[::2]) + np.abs(turn[::2] * part[1::2]), 1e-300)
             done = (np.abs(joined - coarse[0]) <= tolerance * mass) & sure[::2] & sure[1::2]
         done |= span[panel[0]] == 0
-        kept.append((panel[0][done], panel[1][done], joined[done], turn[::2][done] * turn[1::2][done]))
+        kept.append(
+            (panel[0][done], panel[1][done], joined[done], turn[::2][done] * turn[1::2][done])
+        )
         if done.all():
             break
         rest = np.repeat(~done, 2)

@@ -124,9 +124,7 @@ def _check_sheet(surface: MinimalSurface, germs: Germ, half: complex, where: str
 def _kind(surface: MinimalSurface, z: complex) -> str:
     """Say what the surface does at a singular point: from the growth of ds near it."""
     with np.errstate(all="ignore"):
-        near, nearer = (
-            np.abs(surface._phi(z + r * CIRCLE)).max(1).mean() for r in (1e-3, 1e-4)
-        )
+        near, nearer = (np.abs(surface._phi(z + r * CIRCLE)).max(1).mean() for r in (1e-3, 1e-4))
     if not np.isfinite(z) or abs(z) > 1e4:
         return "a point that the parameter z does not reach"
     if not np.isfinite(nearer) or nearer > 2 * near:

@@ -74,6 +74,10 @@ class MinimalSurface:
     singular: tuple[complex, ...] = field(default=())
     scale: float = 1.0
 
+    def __post_init__(self) -> None:
+        u0, u1, v0, v1 = self.rectangle
+        object.__setattr__(self, "rectangle", (float(u0), float(u1), float(v0), float(v1)))
+
     def scaled(self, factor: float) -> MinimalSurface:
         """Return the surface ``factor`` times as large.
 
@@ -137,9 +141,9 @@ class MinimalSurface:
             slope[outer] = filled(inverse_slope)(points[outer])
         return g, slope, np.where(outer, 1.0, -1.0)
 
-    def _refuse(self, z: ArrayLike, bad: NDArray[np.bool_], why: str) -> None:
-        if bad.any():
-            place = np.asarray(z, complex)[bad].ravel()[0]
+    def _refuse(self, z: ArrayLike, bad: ArrayLike, why: str) -> None:
+        if np.any(bad):
+            place = np.asarray(z, complex)[np.asarray(bad)].ravel()[0]
             raise SurfaceError(f"{self.name}: {why} at z = {show(place)}")
 
     # -- points, normals, fundamental forms ------------------------------------------------------
@@ -165,7 +169,8 @@ class MinimalSurface:
         """Return the unit normal N = X_u × X_v / |X_u × X_v|, (..., 3)."""
         g, _, side = self._chart(z)
         square = np.abs(g) ** 2
-        return _vector(2 * g.real, -2 * side * g.imag, side * (1 - square)) / (1 + square)[..., None]
+        top = _vector(2 * g.real, -2 * side * g.imag, side * (1 - square))
+        return top / (1 + square)[..., None]
 
     def conformal_factor(self, z: ArrayLike) -> FloatArray:
         """Return ds/|dz| = scale |f| (1+|g|²)/2, in mm."""
@@ -206,7 +211,7 @@ class MinimalSurface:
         """
         first = self.first_form(z)
         self._refuse(z, first[..., 0, 0] * first[..., 1, 1] == 0, "the surface has a branch point")
-        return np.linalg.solve(first, self.second_form(z))
+        return np.asarray(np.linalg.solve(first, self.second_form(z)), float)
 
     def mean_curvature(self, z: ArrayLike) -> FloatArray:
         """Return H, half the trace of the Weingarten map, in 1/mm: rounding, never exactly set."""
