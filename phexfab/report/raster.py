@@ -38,7 +38,8 @@ def rasterise(points: FloatArray, width: int, height: int) -> tuple[IntArray, Fl
     nearest, farthest = points[:, :, 2].max(1), points[:, :, 2].min(1)
     count = right - left + 1
     ends = np.cumsum(count)
-    cuts = np.searchsorted(ends, np.arange(0, ends[-1] if len(ends) else 0, _CHUNK))
+    total = int(ends[-1]) if len(ends) else 0
+    cuts = np.searchsorted(ends, np.arange(0, max(total, 1), _CHUNK))
     for begin, end in zip(cuts, [*cuts[1:], len(tri)], strict=True):
         n = count[begin:end]
         span = np.repeat(np.arange(begin, end), n)

@@ -111,16 +111,16 @@ def picture(
     scene = gather(layers)
     width, height = size[0] * supersample, size[1] * supersample
     points = scene.corners.reshape(-1, 3) if framing is None else framing
-    image = np.zeros((height, width, 4))
+    image = np.zeros((height, width, 4), np.float32)
     if len(points):
         camera = fit_camera(view, points, (width, height), margin)
         _draw(image, scene, camera, view, lights, ground, side, supersample)
     blocks = image.reshape(size[1], supersample, size[0], supersample, 4)
-    return np.asarray(blocks.mean((1, 3)))
+    return np.asarray(blocks.mean((1, 3)), np.float64)
 
 
 def _draw(
-    image: FloatArray,
+    image: NDArray[np.float32],
     scene: Scene,
     camera: Camera,
     view: View,
@@ -145,7 +145,8 @@ def _draw(
     block = (y // supersample) * (width // supersample) + x // supersample
     _, one, which = np.unique(block * len(scene.face) + tri, return_index=True, return_inverse=True)
     y1, x1, tri1 = y[one], x[one], tri[one]
-    point = camera.eye + camera.away(depth[y1, x1])[:, None] * camera.rays(x1 + 0.5, y1 + 0.5)
+    rays = camera.rays(np.asarray(x1 + 0.5), np.asarray(y1 + 0.5))
+    point: FloatArray = camera.eye + camera.away(depth[y1, x1])[:, None] * rays
     normal = scene.normals[tri1] * np.where(towards[tri1] > 0, 1.0, -1.0)[:, None]
     light = _light(point, normal, sky, maps)
     image[y, x, :3] = np.minimum(scene.colours[tri] * light[which][:, None], 1)
@@ -252,7 +253,7 @@ def _light(
     return total
 
 
-def _ink(image: FloatArray, scene: Scene, tri: IntArray, depth: FloatArray) -> None:
+def _ink(image: NDArray[np.float32], scene: Scene, tri: IntArray, depth: FloatArray) -> None:
     """Draw outlines and edges where neighbouring pixels see different parts or faces."""
     known = tri >= 0
     face = np.where(known, scene.face[tri], -1)
@@ -271,7 +272,7 @@ def _ink(image: FloatArray, scene: Scene, tri: IntArray, depth: FloatArray) -> N
 
 
 def _ground(
-    image: FloatArray,
+    image: NDArray[np.float32],
     scene: Scene,
     camera: Camera,
     sky: _Sky,

@@ -81,23 +81,16 @@ def enneper(order: int = 1) -> MinimalSurface:
 
 
 def bour(order: int = 3) -> MinimalSurface:
-    """Return Bour's surface B_m: g = z, f = z^(m-2); a patch beside the umbilic of order m-2."""
+    """Return Bour's surface B_m: g = z, f = z^(m-2); a patch beside the branch point of order m-2."""
     m = _whole("bour", "order", order, 3, 12)
-    base = ((m - 2) / (m + 2)) ** 0.25 if m < 6 else 0.9
-    reach = 2 / m * base ** (m / 2)
-    return _monomial(
-        "bour" if m == 3 else f"bour of order {m}",
-        1,
-        m - 2,
-        base,
-        (-0.5 * reach, 0.5 * reach, -0.75 * reach, 0.75 * reach),
-    )
+    box = (-0.65 / m, 0.65 / m, -1.5 / m, 1.5 / m)
+    return _monomial("bour" if m == 3 else f"bour of order {m}", 1, m - 2, 1.0, box)
 
 
 def richmond(order: int = 1) -> MinimalSurface:
     """Return Richmond's surface g = z^(n+1), f = 1/z²: one planar end, one Enneper end."""
     n = _whole("richmond", "order", order, 1, 12)
-    base = 0.9
+    base = ((n + 2) / (3 * n + 2)) ** (0.5 / (n + 1))  # where the curvature is largest
     reach = 2 * np.sqrt(n + 1) / n * base ** (n / 2)
     box = (-0.3 * reach, 0.3 * reach, -0.4 * reach, 0.4 * reach)
     return _monomial("richmond" if n == 1 else f"richmond of order {n}", n + 1, -2, base, box)
@@ -129,12 +122,12 @@ def catenoid_helicoid(bonnet_angle: float = 45.0) -> MinimalSurface:
 
 
 def helicoid() -> MinimalSurface:
-    """Return the helicoid, conjugate to the catenoid: x sin z = -y cos z up to orientation."""
+    """Return the helicoid, conjugate to the catenoid: x cos z = y sin z."""
     return catenoid_helicoid(90.0)
 
 
 def scherk_1() -> MinimalSurface:
-    """Return Scherk's doubly periodic surface g = z, f = 4/(1-z⁴): e^z cos y = cos x up to sign."""
+    """Return Scherk's doubly periodic surface g = z, f = 4/(1-z⁴): e^z cos x = cos y."""
     return MinimalSurface(
         name="scherk-1",
         gauss_map=lambda z: z,
@@ -151,7 +144,7 @@ def scherk_1() -> MinimalSurface:
 
 
 def scherk_2() -> MinimalSurface:
-    """Return Scherk's singly periodic tower, conjugate to scherk-1: sin z = sinh x sinh y."""
+    """Return Scherk's singly periodic tower, conjugate to scherk-1: sin z = -sinh x sinh y."""
     return replace(associate(scherk_1(), 90.0), name="scherk-2", rectangle=(-1.1, 1.1, -1.1, 1.1))
 
 

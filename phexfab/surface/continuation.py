@@ -19,9 +19,11 @@ from phexfab.surface.holomorphic import CIRCLE, ComplexArray, show
 
 Quantity = Callable[[ComplexArray], ComplexArray]
 
-_RULES = [(0.5 + 0.5 * x, 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (3, 5, 10))]
+_RULES = [(0.5 + 0.5 * x, 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (4, 7, 16))]
 REACH = 0.5  # |Q/Q_start - 1| allowed within one step
 SMALLEST = 1e-7  # of the way: a shorter step means that a singularity is in it
+ZERO_OR_POLE = ("a zero", "a pole")
+INFINITY = "the point at infinity of z"
 CLUSTER = 16  # points that share one long way from the base
 
 
@@ -69,7 +71,6 @@ def hop(hopf: Quantity, germ: Germ, w: ComplexArray) -> tuple[Germ, NDArray[np.b
     step = w - germ.w
     dz = step / germ.root
     sure = np.ones(len(w), bool)
-    root, q = germ.root, germ.q
     with np.errstate(all="ignore"):
         for rule in (0, 1, 2, 2):
             x, weights = _RULES[rule]
@@ -78,12 +79,14 @@ def hop(hopf: Quantity, germ: Germ, w: ComplexArray) -> tuple[Germ, NDArray[np.b
             ratio = values / germ.q[:, None]
             sure &= (np.abs(ratio - 1.0) <= REACH).all(1)
             roots = germ.root[:, None] * np.sqrt(ratio)
-            root, q = roots[:, -1], values[:, -1]
-            change = (step - dz * (roots[:, :-1] @ weights)) / root
+            change = (step - dz * (roots[:, :-1] @ weights)) / roots[:, -1]
             dz = dz + change
-        # Newton must have arrived; its last change moves Q and the root only by rounding.
-        sure &= np.abs(change) <= 1e-9 * np.abs(dz) + 1e-300
-    return Germ(w, germ.z + dz, q, root), sure & np.isfinite(dz)
+        # Newton doubles the digits: after a last change of 1e-8 nothing is left to do.
+        sure &= np.abs(change) <= 1e-8 * np.abs(dz) + 1e-300
+        z = germ.z + dz
+        q = hopf(z)
+        root = germ.root * np.sqrt(q / germ.q)
+    return Germ(w, z, q, root), sure & np.isfinite(root)
 
 
 def march(hopf: Quantity, start: Germ, w: ComplexArray) -> tuple[Germ, NDArray[np.float64]]:
@@ -188,7 +191,7 @@ def describe(
     """Say which zero or pole of Q is nearest to ``z``: its kind, its z, and its w.
 
     Circles about z grow until the winding number of Q is not zero; that is the order, and the
-    first moment of Q'/Q on the circle is the place.
+    first moment of Q'/Q on the circle is the place. A pole of order 2 or more lies at w = inf.
 
     Parameters
     ----------
@@ -196,28 +199,41 @@ def describe(
     z, w, root : complex
         A place near the singularity, its coordinate and the root of Q there.
     """
-    if abs(z) > 1e4:
-        return "the point at infinity of the parameter z", z, w
     place, order = complex(z), 0
-    for radius in 1e-7 * 3.0 ** np.arange(13):
-        for _ in range(2):  # the second circle is centred at the place that the first one gave
-            circle = radius * CIRCLE
+    for radius in 1e-7 * 3.0 ** np.arange(15):
+        place, circle = complex(z), radius * CIRCLE
+        for _ in range(5):  # each circle is centred at the place that the one before gave
             with np.errstate(all="ignore"):
                 q = hopf(place + circle)
                 turns = np.angle(np.roll(q, -1) / q).sum() / (2 * np.pi)
-                if not np.isfinite(turns) or not round(turns):
+                order = round(turns) if np.isfinite(turns) else 0
+                if not order:
                     break
                 speed = np.fft.ifft(np.fft.fft(q) * np.fft.fftfreq(len(q), 1.0 / len(q)))
-                shift = (circle * speed / q).mean() / round(turns)
-            order, found = round(turns), place + shift
-            if abs(shift) > radius:
+                shift = (circle * speed / q).mean() / order
+            if not abs(shift) <= 2 * radius:
+                order = 0
                 break
-            place = found
-        if order:
+            place += complex(shift)
+        if order and abs(shift) <= 1e-3 * radius:
             break
-    if root is not None and order > -2:
-        w = w - 2.0 / (order + 2.0) * (z - place) * root
+        place, order = complex(z), 0
+    if order <= -2:
+        w = complex(np.inf)  # an infinite way in w, so never in a rectangle
+    elif order and root is not None:
+        # With 1 - t = s² along the way there, √Q is analytic in s at its end, for any order > -2.
+        s, weights = _RULES[2]
+        with np.errstate(all="ignore"):
+            roots = root * np.sqrt(hopf(place + (z - place) * s * s) / hopf(np.array(z, complex)))
+        w = complex(w - (z - place) * (2 * s * roots) @ weights)
     if order:
-        kind = "a zero" if order > 0 else "a pole"
+        kind = ZERO_OR_POLE[order < 0]
         return f"{kind} of order {abs(order)} of the Hopf differential", place, w
+    # Where Q behaves like z^k with k < -2 on a wide circle, w stays finite as z grows.
+    with np.errstate(all="ignore"):
+        q = hopf(z * (1 + 0.5 * CIRCLE))
+        power = 2 * (q * CIRCLE.conj()).mean() / hopf(np.array(z, complex))
+    if power.real < -2.5 and abs(power - round(power.real)) < 0.02:
+        away = 0.0 if root is None else 2.0 / (power + 2.0) * z * root
+        return INFINITY, complex(np.inf), complex(w - away)
     return "a singular point", place, w

@@ -6,6 +6,7 @@ coefficients, derivatives and the value at a removable 0/0 come out to rounding.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -23,7 +24,9 @@ RADII = (0.05, 0.0125, 0.003, 0.0008)
 def show(z: complex) -> str:
     """Return a complex number as text for a message, like ``0.5+1i``."""
     z = complex(z)
-    return f"{z.real:.6g}{z.imag:+.6g}i" if z.imag else f"{z.real:.6g}"
+    speck = 1e-12 * max(1.0, abs(z))
+    real, imag = (0.0 if abs(x) < speck else x for x in (z.real, z.imag))
+    return f"{real:.6g}{imag:+.6g}i" if imag else f"{real:.6g}"
 
 
 def evaluate(function: ComplexMap, z: ArrayLike) -> ComplexArray:
@@ -60,7 +63,7 @@ def laurent(function: ComplexMap, z: ComplexArray, radius: float) -> ComplexArra
 
 def _is_analytic(coefficients: ComplexArray, tolerance: float) -> NDArray[np.bool_]:
     """Return per row whether the principal part and the high tail are negligible."""
-    rows = np.abs(coefficients.reshape(len(coefficients), NODES, -1))
+    rows = np.abs(coefficients.reshape(len(coefficients), NODES, math.prod(coefficients.shape[2:])))
     with np.errstate(invalid="ignore"):
         return rows[:, NODES // 4 :].max((1, 2)) <= tolerance * rows.max((1, 2))
 

@@ -111,7 +111,8 @@ def integrate_root(
         Where to begin, and which of the two roots is meant there.
     ends : (n,) complex
     tolerance : float
-        Relative to the integral over each of the panels that the segment is cut into.
+        Relative to the integral over each of the panels that the segment is cut into, or a
+        hundredth of it to the whole segment: near a zero, rounding keeps a panel from better.
 
     Returns
     -------
@@ -125,8 +126,8 @@ def integrate_root(
     ends = np.asarray(ends, complex)
     span = ends - start
 
-    def gauss(panel: Panel) -> tuple[ComplexArray, ComplexArray, NDArray[np.bool_]]:
-        """Integrate root(q/q_a) over each panel; also return root(q_b/q_a), and if it is sure."""
+    def gauss(panel: Panel) -> tuple[ComplexArray, ComplexArray, NDArray, NDArray]:
+        """Integrate root(q/q_a) over each panel; return also root(q_b/q_a), if sure, √|q_a|."""
         owner, a, b = panel
         t = np.concatenate([[0.0], NODES, [1.0]])
         with np.errstate(all="ignore"):
@@ -134,19 +135,25 @@ def integrate_root(
             ratio = q[:, 1:] / q[:, :1]
             sure = np.all(np.isfinite(ratio) & (ratio.real > 0), axis=1)
             roots = np.sqrt(ratio)
-            return (b - a) * span[owner] * (roots[:, :-1] @ WEIGHTS), roots[:, -1], sure
+            part = (b - a) * span[owner] * (roots[:, :-1] @ WEIGHTS)
+            return part, roots[:, -1], sure, np.sqrt(np.abs(q[:, 0]))
 
     owner = np.arange(len(ends))
     panel: Panel = (owner, np.zeros(len(ends)), np.ones(len(ends)))
     coarse = gauss(panel)
+    with np.errstate(all="ignore"):
+        whole = np.nan_to_num(np.abs(coarse[0]) * coarse[3], posinf=0.0)
     kept: list[tuple[NDArray, ...]] = []
     for _ in range(DEPTH):
         halves = _halves(*panel)
-        part, turn, sure = gauss(halves)
+        part, turn, sure, size = gauss(halves)
         with np.errstate(all="ignore"):
             joined = part[::2] + turn[::2] * part[1::2]
             mass = np.maximum(np.abs(part[::2]) + np.abs(turn[::2] * part[1::2]), 1e-300)
-            done = (np.abs(joined - coarse[0]) <= tolerance * mass) & sure[::2] & sure[1::2]
+            gap = np.abs(joined - coarse[0])
+            close = gap <= tolerance * mass
+            close |= gap * size[::2] <= 0.01 * tolerance * whole[panel[0]]
+            done = close & sure[::2] & sure[1::2]
         done |= span[panel[0]] == 0
         kept.append(
             (panel[0][done], panel[1][done], joined[done], turn[::2][done] * turn[1::2][done])
@@ -155,7 +162,7 @@ def integrate_root(
             break
         rest = np.repeat(~done, 2)
         panel = (halves[0][rest], halves[1][rest], halves[2][rest])
-        coarse = (part[rest], turn[rest], sure[rest])
+        coarse = (part[rest], turn[rest], sure[rest], size[rest])
     else:
         i = int(panel[0][0])
         place = start + span[i] * panel[1][0]

@@ -3,10 +3,10 @@
 The rectangle is covered by discs. On each one z(w) must be a single step of the continuation
 (Q keeps within half of its value, so it has no zero or pole there), and the null curve's
 derivative φ dz/dw must be analytic: its Laurent coefficients of negative order vanish. The second
-test finds ends that the coordinates do not feel. Discs that fail are cut into four, until they
-are so small that a singular point is in them for certain. Last, the places that the continuation
-from w = 0 gives at the corners of every disc must agree with the disc's own, or the sheet is torn
-by a singular point between w = 0 and the rectangle.
+test finds ends that the coordinates do not feel. Discs that fail are cut into four, until a zero
+or pole of Q is found in one, or they are so small that a singular point is near for certain. Last,
+the places that the continuation from w = 0 gives at the corners of every disc must agree with the
+disc's own, or the sheet is torn by a singular point between w = 0 and the rectangle.
 """
 
 from __future__ import annotations
@@ -15,11 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.errors import SurfaceError
-from phexfab.surface.continuation import Germ, describe, hop
+from phexfab.surface.continuation import (
+    INFINITY,
+    ZERO_OR_POLE,
+    Germ,
+    continue_from_base,
+    describe,
+    hop,
+    march,
+)
 from phexfab.surface.holomorphic import CIRCLE, ComplexArray, show
-from phexfab.surface.weierstrass import MinimalSurface
+from phexfab.surface.weierstrass import MinimalSurface, Rectangle
 
 LEVELS = 9
+LOOKED_AT = 12  # failed discs per level in which a zero or pole is looked for
 COARSE = 4  # discs along the shorter side, to begin with
 CORNERS = np.array([1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j])
 
@@ -57,35 +66,54 @@ def check_rectangle(
         + 1j * half.imag * (2 * rows.ravel() + 1)
     )
     where = f"{surface.name}: the rectangle u = [{u0:g}, {u1:g}], v = [{v0:g}, {v1:g}]"
-    for level in range(LEVELS):
-        germs, good = _analytic_discs(surface, centres, abs(half))
-        _check_sheet(surface, germs[good], half, where)
-        if good.all():
-            return
-        if level < LEVELS - 1:
+    covered: list[tuple[Germ, complex]] = []
+    parents: Germ | None = None
+    try:
+        for level in range(LEVELS):
+            germs = _germs(surface, centres, parents, 1e-3 * abs(half))
+            good = _analytic_discs(surface, germs, abs(half))
+            covered.append((germs[good], half))
+            if good.all():
+                break
+            failed = germs[~good]
+            found = _singularity(surface, failed, half, (u0, u1, v0, v1), level == LEVELS - 1)
+            if found:
+                raise SurfaceError(f"{where} {found}; choose a rectangle that avoids it")
             half = half / 2
-            shifts = half.real * CORNERS.real + 1j * half.imag * CORNERS.imag
-            centres = (centres[~good, None] + shifts).ravel()
-    i = int(np.flatnonzero(~good)[0])
-    what, z, w = describe(surface.hopf, germs.z[i], germs.w[i], germs.root[i])
-    kind = _kind(surface, z)
-    raise SurfaceError(
-        f"{where} contains {kind} at z = {show(z)}, w = {show(w)} ({what}); "
-        "choose a rectangle that avoids it"
-    )
+            parents = failed[np.repeat(np.arange(len(failed.w)), 4)]
+            centres = parents.w + np.tile(_corners(half), len(failed.w))
+        # Without closed forms a regular rectangle about w = 0 cannot be torn.
+        if surface.from_curvature is not None or not (u0 <= 0 <= u1 and v0 <= 0 <= v1):
+            for germs, half in covered:
+                _check_sheet(surface, germs, half, where)
+    except SurfaceError as error:
+        if str(error).startswith(where):
+            raise
+        raise SurfaceError(f"{where} cannot be reached: {error}") from error
+
+
+def _corners(half: complex) -> ComplexArray:
+    return half.real * CORNERS.real + 1j * half.imag * CORNERS.imag
+
+
+def _germs(surface: MinimalSurface, w: ComplexArray, parents: Germ | None, ahead: float) -> Germ:
+    """Return the germs at ``w``; with a closed form the root is read off the step to w + ahead."""
+    if surface.from_curvature is None:
+        if parents is None:
+            return continue_from_base(surface.hopf, surface.base, w)
+        return march(surface.hopf, parents, w)[0]
+    z, beyond = surface.parameter(w), surface.parameter(w + ahead)
+    q = surface.hopf(z)
+    with np.errstate(all="ignore"):
+        root = np.sqrt(q)
+        return Germ(w, z, q, np.where(((beyond - z) * root).real < 0, -root, root))
 
 
 def _analytic_discs(
-    surface: MinimalSurface, centres: ComplexArray, radius: float
-) -> tuple[Germ, NDArray[np.bool_]]:
-    """Return the germs at the centres of discs, and on which of them the surface is regular."""
-    z = surface.parameter(centres)
-    q = surface.hopf(z)
-    with np.errstate(all="ignore"):
-        germs = Germ(centres, z, q, np.sqrt(q))
-    n, k = len(centres), len(CIRCLE)
-    # Of the two roots the right one is unknown when z(w) is a closed form, and immaterial here:
-    # the other one turns the disc by half a turn.
+    surface: MinimalSurface, germs: Germ, radius: float
+) -> NDArray[np.bool_]:
+    """Return on which of the discs about the germs the surface is regular."""
+    n, k = len(germs.w), len(CIRCLE)
     spread = germs[np.repeat(np.arange(n), k)]
     rim, sure = hop(surface.hopf, spread, spread.w + np.tile(1.05 * radius * CIRCLE, n))
     good = sure.reshape(n, k).all(1)
@@ -96,22 +124,37 @@ def _analytic_discs(
         series = np.abs(np.fft.fft(tangents, axis=1))
         # From order -8 on a negative order is also the alias of a large positive one.
         good &= series[:, -8:].max((1, 2)) <= 1e-3 * series.max((1, 2))
-    return germs, good
+    return good
+
+
+def _singularity(
+    surface: MinimalSurface, failed: Germ, half: complex, box: Rectangle, last: bool
+) -> str:
+    """Say what makes discs fail, if it is certain already; at the ``last`` level say it anyway."""
+    u0, u1, v0, v1 = box
+    slack = 1e-9 * max(u1 - u0, v1 - v0)
+    n = len(failed.w)
+    best = ""
+    for i in np.linspace(0, n - 1, min(n, LOOKED_AT)).astype(int):
+        what, z, w = describe(surface.hopf, failed.z[i], failed.w[i], failed.root[i])
+        inside = u0 - slack <= w.real <= u1 + slack and v0 - slack <= w.imag <= v1 + slack
+        verb = "contains" if inside else "comes too close to"
+        at = f"z = {show(z)}, w = {show(w)}"
+        text = f"{verb} {_kind(surface, what, z)} at {at} ({what})"
+        if what.startswith((*ZERO_OR_POLE, INFINITY)):
+            if inside and abs(w - failed.w[i]) <= 4 * abs(half):
+                return text
+            best = text
+        best = best or text
+    return best if last else ""
 
 
 def _check_sheet(surface: MinimalSurface, germs: Germ, half: complex, where: str) -> None:
     """Refuse when the continuation from w = 0 and a disc disagree at a corner of the disc."""
-    if not len(germs.w):
-        return
-    shifts = half.real * CORNERS.real + 1j * half.imag * CORNERS.imag
     spread = germs[np.repeat(np.arange(len(germs.w)), 4)]
-    shift = np.tile(shifts, len(germs.w))
-    size = abs(half) / np.abs(spread.root)
-    corners = surface.parameter(spread.w + shift)
-    ahead = hop(surface.hopf, spread, spread.w + shift)[0].z
-    behind = hop(surface.hopf, spread, spread.w - shift)[0].z
-    gap = np.minimum(np.abs(corners - ahead), np.abs(corners - behind))
-    torn = np.flatnonzero(~(gap <= 1e-3 * size))
+    corners = spread.w + np.tile(_corners(half), len(germs.w))
+    gap = np.abs(surface.parameter(corners) - hop(surface.hopf, spread, corners)[0].z)
+    torn = np.flatnonzero(~(gap * np.abs(spread.root) <= 1e-3 * abs(half)))
     if len(torn):
         w = spread.w[torn[0]]
         raise SurfaceError(
@@ -121,12 +164,12 @@ def _check_sheet(surface: MinimalSurface, germs: Germ, half: complex, where: str
         )
 
 
-def _kind(surface: MinimalSurface, z: complex) -> str:
+def _kind(surface: MinimalSurface, what: str, z: complex) -> str:
     """Say what the surface does at a singular point: from the growth of ds near it."""
+    if what == INFINITY:
+        return "a point that the parameter z does not reach"
     with np.errstate(all="ignore"):
         near, nearer = (np.abs(surface._phi(z + r * CIRCLE)).max(1).mean() for r in (1e-3, 1e-4))
-    if not np.isfinite(z) or abs(z) > 1e4:
-        return "a point that the parameter z does not reach"
     if not np.isfinite(nearer) or nearer > 2 * near:
         return "an end"
     return "a branch point" if nearer < 0.5 * near else "an umbilic"

@@ -77,7 +77,7 @@ def test_layers_units_and_only_plain_polylines(tmp_path):
     assert {e.dxftype() for e in space} == {"LWPOLYLINE", "TEXT"}
     assert not any(e.closed for e in space.query('LWPOLYLINE[layer=="ENGRAVE"]'))
     sheet, margin = space.query('LWPOLYLINE[layer=="SHEET"]')
-    assert [p[:2] for p in sheet.get_points()][0] == (0, 0)
+    assert tuple(sheet.get_points()[0][:2]) == (0, 0)
     assert shapely.Polygon([p[:2] for p in margin.get_points()]).area == 1480 * 980
     assert all(text.dxf.insert.y < 0 for text in space.query("TEXT"))  # outside the border
     texts = " ".join(text.dxf.text for text in space.query("TEXT"))
