@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -10,12 +11,29 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from phexfab.fabrication.parts import Cylinder, Material, Node
 from phexfab.minimal.shell import minimal_shell, surface_distance
 from phexfab.parallel.curvature import minimality
+from phexfab.parallel.offset import node_axes
+from phexfab.pipeline import build
 from phexfab.remesh.lattice import EQUILATERAL, lattice
-from phexfab.surface.catalog import surface
+from phexfab.report.camera import View
+from phexfab.report.fields import face_marks
+from phexfab.report.figures import assembly_figure
+from phexfab.report.scene import (
+    BEAM_COLOUR,
+    PANEL_COLOUR,
+    Layer,
+    gauss_layer,
+    hub_layer,
+    solid_layer,
+    sphere_layer,
+)
+from phexfab.report.shade import picture
+from phexfab.surface.catalog import catalog, surface
 
 FOLDER = Path(__file__).parent / "img"
+EXAMPLES = Path(__file__).parent.parent / "examples"
 INK, ACCENT, SOFT = "#1d2733", "#b3542e", "#8fa3b5"
 plt.rcParams.update(
     {
@@ -92,6 +110,140 @@ def convergence_figure() -> None:
     save("convergence")
 
 
+def pavilion_figure() -> None:
+    """The README's picture: all parts of the first example."""
+    built = build(EXAMPLES / "catenoid-pavilion.toml")
+    view = View(azimuth=-66.0, elevation=21.0, opening=34.0)
+    target = FOLDER / "pavilion.png"
+    assembly_figure(built.parts, target, size=(1600, 1000), view=view, colours=256)
+
+
+def gauss_images_figure() -> None:
+    """The three Gauss images of one patch, where the unit sphere cuts them."""
+    smooth = surface("enneper").scaled(1000.0)
+    on = lattice((-0.52, 0.52, -0.48, 0.48), 0.16)
+    sphere = replace(sphere_layer(160), colours=np.array([[0.86, 0.90, 0.95]]))
+    names = {
+        "face": "face: the faces touch the sphere",
+        "edge": "edge: the edges touch it",
+        "vertex": "vertex: the vertices lie on it",
+    }
+    look = View(azimuth=-68.0, elevation=58.0, opening=22.0)
+    figure, axes = plt.subplots(1, 3, figsize=(12, 4.0))
+    for ax, (kind, name) in zip(axes, names.items(), strict=True):
+        shell = minimal_shell(smooth, on, kind)
+        # Enneper's normals point downwards here: half a turn about x brings them up to the light.
+        turn = np.array([1.0, -1.0, -1.0])
+        mesh = replace(shell.gauss, vertices=shell.gauss.vertices * turn)
+        warm = np.tile([[0.86, 0.62, 0.42]], (mesh.n_faces, 1))
+        image = gauss_layer(mesh, face_marks(shell, ()), warm)
+        edge = mesh.vertices[shell.edges[:, :2]]
+        along = edge[:, 1] - edge[:, 0]
+        share = -(edge[:, 0] * along).sum(1) / (along**2).sum(1)
+        touching = {
+            "face": shell.normals[shell.panels] * turn,
+            "edge": edge[:, 0] + share[:, None] * along,
+            "vertex": mesh.vertices,
+        }[kind]
+        dots = _dots(touching, 0.0125)
+
+        def draw(layers, side="both", frame=image.vertices):
+            drawn = picture(
+                layers, (760, 680), look, supersample=3, lights=0, side=side, framing=frame
+            )
+            return drawn[..., :3] + (1 - drawn[..., 3:])
+
+        # The sphere as thin glass: where it covers a face, the face shines through.
+        cut, bare = draw([sphere, image, dots]), draw([image, dots], "front")
+        open_air = draw([replace(image, colours=0 * warm)], "front").max(-1, keepdims=True) > 0.99
+        ball = draw([sphere, dots])
+        ax.imshow(np.clip(0.5 * cut + 0.5 * np.where(open_air, ball, bare), 0, 1))
+        ax.set_axis_off()
+        ax.set_title(name, color=INK, fontsize=11)
+    figure.subplots_adjust(0.005, 0.005, 0.995, 0.92, wspace=0.02)
+    figure.savefig(FOLDER / "gauss-images.png", dpi=110, metadata={"Software": None})
+    plt.close(figure)
+
+
+def _dots(points: np.ndarray, radius: float) -> Layer:
+    """Small balls at points, as one layer."""
+    ball = sphere_layer(8)
+    count, n = len(points), len(ball.vertices)
+    shift = n * np.arange(count)[:, None, None]
+    each = np.arange(count)
+    return replace(
+        ball,
+        marks=tuple(f"dot {k}" for k in each),
+        colours=np.tile([[0.42, 0.14, 0.06]], (count, 1)),
+        vertices=(points[:, None] + radius * ball.vertices).reshape(-1, 3),
+        triangles=(ball.triangles + shift).reshape(-1, 3),
+        face=np.repeat(each, len(ball.triangles)),
+        part=np.repeat(each, len(ball.triangles)),
+        vertex_part=np.repeat(each, n),
+    )
+
+
+def node_figure() -> None:
+    """One node of the pavilion: three mitred bars that meet in its axis, a panel taken off."""
+    built = build(EXAMPLES / "catenoid-pavilion.toml")
+    shell, parts = built.shell, built.parts
+    mesh = shell.mesh
+    size = mesh.vertices.max(0) - mesh.vertices.min(0)
+    inner = np.flatnonzero(np.bincount(mesh.corners, minlength=len(mesh.vertices)) == 3)
+    wanted = mesh.vertices.mean(0) + size * [0.0, -0.5, 0.3]
+    node = inner[np.linalg.norm(mesh.vertices[inner] - wanted, axis=1).argmin()]
+    at = mesh.vertices[node]
+    around = np.flatnonzero((shell.edges[:, :2] == node).any(1))
+    bars = [beam for beam in parts.beams if beam.edge in around]
+    faces = mesh.face_of_corner[mesh.corners == node]
+    kept = [panel for panel in parts.panels if panel.face in faces[:2]]
+    direction = node_axes(shell)[node]
+    line = Cylinder(at - 40 * direction, direction, 2.0, 220.0)
+    axis = Node("axis", int(node), line, Material("line", 0.0), (), 0.0, 0.0)
+    layers = [
+        solid_layer("beams", [b.mark for b in bars], [b.solid for b in bars], BEAM_COLOUR),
+        solid_layer("panels", [p.mark for p in kept], [p.solid for p in kept], PANEL_COLOUR),
+        hub_layer([axis]),
+    ]
+    # Set down with its axis upright, as it would lie on a bench.
+    side = np.cross(direction, [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side)
+    frame = np.array([side, np.cross(direction, side), direction])
+    layers = [replace(layer, vertices=(layer.vertices - at) @ frame.T) for layer in layers]
+    box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-0.6, 1)])
+    view = View(azimuth=-48.0, elevation=36.0, opening=26.0)
+    image = picture(layers, (1000, 720), view, supersample=3, framing=170 * box, lights=200)
+    colours = np.clip(image[..., :3] + 1 - image[..., 3:], 0, 1)
+    plt.imsave(FOLDER / "node.png", colours, metadata={"Software": None})
+
+
+def surfaces_figure() -> None:
+    """The catalog's default patches, each with its curvature lines."""
+    plt.figure(figsize=(9, 7))
+    for k, name in enumerate(catalog):
+        axes = plt.subplot(3, 4, k + 1, projection="3d")
+        smooth = surface(name)
+        u0, u1, v0, v1 = smooth.rectangle
+        step = max(u1 - u0, v1 - v0) / (36 if smooth.period else 20)
+        nu, nv = (round(side / step) + 1 for side in (u1 - u0, v1 - v0))
+        w = np.linspace(u0, u1, nu)[:, None] + 1j * np.linspace(v0, v1, nv)
+        x = np.moveaxis(smooth.point(smooth.parameter(w)), -1, 0)
+        axes.plot_surface(*x, rstride=1, cstride=1, color="#f6efe2", edgecolor=INK, linewidth=0.35)
+        # Seen from the side of the normal that is up or at the front, halfway to the ground.
+        middle = smooth.parameter(complex(u0 + u1, v0 + v1) / 2)
+        normal, (along, across) = smooth.normal(middle), smooth.principal_directions(middle)
+        eye = normal * np.sign(normal @ [0.1, -0.2, 1.0]) + 0.7 * along - 0.15 * across
+        eye *= 1 if eye[2] > 0 else [1, 1, -1]
+        eye = np.array([0.6, -0.6, 0.45]) if smooth.period else eye / np.linalg.norm(eye)
+        axes.view_init(*np.degrees([np.arcsin(eye[2]), np.arctan2(eye[1], eye[0])]))
+        axes.set_box_aspect(np.ptp(x, axis=(1, 2)), zoom=1.15)
+        axes.set_axis_off()
+        axes.set_title(name, y=0.97)
+    plt.subplots_adjust(left=0, right=1, bottom=0, top=0.96, wspace=0, hspace=0.12)
+    plt.savefig(FOLDER / "surfaces.png", dpi=120, metadata={"Software": None})
+    plt.close()
+
+
 def save(name: str) -> None:
     """Write the current figure."""
     plt.tight_layout()
@@ -101,5 +253,9 @@ def save(name: str) -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
+    surfaces_figure()
     lattice_figure()
     convergence_figure()
+    pavilion_figure()
+    gauss_images_figure()
+    node_figure()

@@ -32,6 +32,7 @@ LAYERS = {"CUT": (1, 25), "ENGRAVE": (5, 13), "SHEET": (8, 13), "NOTES": (7, 13)
 """Layer: AutoCAD colour, line weight in 1/100 mm."""
 VERSIONS = ("R2010", "R12")
 _MILLIMETRES = 4
+_EXACT = 1e-6  # mm by which a drawn edge may differ from the part's
 
 
 def file_name(sheet: Sheet, meta: Mapping[str, str]) -> str:
@@ -68,7 +69,7 @@ def write_sheets(
     Raises
     ------
     NestingError
-        If the version is unknown, a part is missing, or the audit finds anything.
+        If the version is unknown, a part is missing, or the file, read back, is not what was drawn.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -89,7 +90,7 @@ def write_sheet(
     version: str = "R2010",
     marks: Engraving | None = None,
 ) -> Path:
-    """Write one sheet; audited before it is written, whole or not at all. See ``write_sheets``."""
+    """Write one sheet, read back and audited, whole or not at all. See ``write_sheets``."""
     import ezdxf
 
     if version not in VERSIONS:
@@ -104,16 +105,44 @@ def write_sheet(
     with _fixed_meta_data():
         drawing = ezdxf.new(version, units=0 if version == "R12" else _MILLIMETRES)
         _draw(drawing, sheet, flats, meta, marks)
-        findings = drawing.audit()
-        if findings.has_issues:
-            problem = (findings.errors + findings.fixes)[0]
-            raise NestingError(f"the drawing of sheet {sheet.name} is not sound: {problem.message}")
         try:
             drawing.saveas(fresh)
+            _read_back(fresh, sheet, flats)
             os.replace(fresh, path)
         finally:
             fresh.unlink(missing_ok=True)
     return path
+
+
+def _read_back(path: Path, sheet: Sheet, flats: Mapping[str, FlatPart]) -> None:
+    """Audit the written file and compare its contours with the parts, edge by edge."""
+    import ezdxf
+
+    drawing = ezdxf.readfile(path)
+    findings = drawing.audit()
+    if findings.has_issues:
+        problem = (findings.errors + findings.fixes)[0]
+        raise NestingError(f"the drawing of sheet {sheet.name} is not sound: {problem.message}")
+    contours = []
+    entity: Any  # LWPolyline, or Polyline in R12
+    for entity in drawing.modelspace().query('*[layer=="CUT"]'):
+        points = entity.vertices() if entity.dxftype() == "LWPOLYLINE" else entity.points()
+        contours.append((bool(entity.is_closed), np.array([tuple(p)[:2] for p in points])))
+    if len(contours) != len(sheet.placements):
+        raise NestingError(
+            f"the drawing of sheet {sheet.name} has {len(contours)} contours for "
+            f"{len(sheet.placements)} parts"
+        )
+    for placement, (closed, points) in zip(sheet.placements, contours, strict=True):
+        wanted = np.asarray(flats[placement.mark].outline, float)
+        if not closed or len(points) != len(wanted):
+            raise NestingError(f"the contour of {placement.mark} on {sheet.name} is not closed")
+        drawn, exact = (np.hypot(*(np.roll(p, -1, axis=0) - p).T) for p in (points, wanted))
+        error = float(np.abs(drawn - exact).max())
+        if not error <= _EXACT:
+            raise NestingError(
+                f"an edge of {placement.mark} on {sheet.name} is {error:.3g} mm off its length"
+            )
 
 
 @contextmanager

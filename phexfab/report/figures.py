@@ -42,7 +42,7 @@ def render(
     size: tuple[int, int] = (1600, 1000),
     view: View | None = None,
     supersample: int = 2,
-    lights: int = 28,
+    lights: int = 24,
     ground: bool = True,
     colours: int | None = None,
 ) -> bytes:

@@ -128,8 +128,8 @@ def _shell(data: ReportData) -> str:
     scale = (
         f'<span class="scale"><span>{low}</span><i style="{ramp}"></i><span>{high}</span></span>'
     )
-    shell = shell_figure(data.shell, size=(1000, 800), view=look, colours=256)
-    gauss = gauss_figure(data.shell, size=(1000, 800), view=look, colours=256)
+    shell = shell_figure(data.shell, size=(960, 768), view=look, colours=256)
+    gauss = gauss_figure(data.shell, size=(960, 768), view=look, colours=256)
     return (
         '<section><h2>Shell and Gauss image</h2><p class="lead">The discrete minimal surface M and '
         "its Gauss image S around the unit sphere. Each face of S is parallel to the face of M in "

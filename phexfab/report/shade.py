@@ -8,7 +8,7 @@ where two pixels see different faces: hidden lines are hidden by construction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,6 +114,11 @@ def picture(
     image = np.zeros((height, width, 4), np.float32)
     if len(points):
         camera = fit_camera(view, points, (width, height), margin)
+        if framing is not None:  # depth counts from the nearest to the farthest that is drawn
+            away = camera.distance - (scene.corners - camera.target) @ camera.axes[2]
+            slack = 0.05 * camera.distance
+            near = max(min(camera.near, float(away.min()) - slack), 0.02 * camera.distance)
+            camera = replace(camera, near=near, far=max(camera.far, float(away.max()) + slack))
         _draw(image, scene, camera, view, lights, ground, side, supersample)
     blocks = image.reshape(size[1], supersample, size[0], supersample, 4)
     return np.asarray(blocks.mean((1, 3)), np.float64)
@@ -137,20 +142,21 @@ def _draw(
     drawn = np.flatnonzero(wanted)
     seen, depth = rasterise(camera.project(scene.corners[drawn]), width, height)
     seen = np.where(seen >= 0, drawn[seen] if len(drawn) else -1, -1)
-    y, x = np.nonzero(seen >= 0)
-    tri = seen[y, x]
+    pixels = np.flatnonzero(seen >= 0)
+    tri = seen.ravel()[pixels]
     sky = _directions(view, lights)
     maps = _shadow_maps(scene, sky) if lights else None
     # One light sample serves all samples of a pixel that see the same triangle.
+    y, x = np.divmod(pixels, width)
     block = (y // supersample) * (width // supersample) + x // supersample
     _, one, which = np.unique(block * len(scene.face) + tri, return_index=True, return_inverse=True)
-    y1, x1, tri1 = y[one], x[one], tri[one]
-    rays = camera.rays(np.asarray(x1 + 0.5), np.asarray(y1 + 0.5))
-    point: FloatArray = camera.eye + camera.away(depth[y1, x1])[:, None] * rays
-    normal = scene.normals[tri1] * np.where(towards[tri1] > 0, 1.0, -1.0)[:, None]
-    light = _light(point, normal, sky, maps)
-    image[y, x, :3] = np.minimum(scene.colours[tri] * light[which][:, None], 1)
-    image[y, x, 3] = 1.0
+    y, x, lit = y[one], x[one], tri[one]
+    away = camera.away(depth.ravel()[pixels[one]])
+    point = camera.eye + away[:, None] * camera.rays(x + 0.5, y + 0.5)
+    normal = scene.normals[lit] * np.where(towards[lit] > 0, 1.0, -1.0)[:, None]
+    shade = scene.colours[lit] * _light(point, normal, sky, maps)[:, None]
+    opaque = np.column_stack([np.minimum(shade, 1), np.ones(len(shade))]).astype(np.float32)
+    image.reshape(-1, 4)[pixels] = opaque[which]
     _ink(image, scene, seen, depth)
     if ground and maps is not None and camera.axes[2, 2] > 0.05:
         _ground(image, scene, camera, sky, maps, seen < 0, 2 * supersample)
@@ -246,10 +252,11 @@ def _light(
         first = len(sky.weight) - _SUN_SAMPLES
     placed = None if maps is None else maps.place(point, normal)
     for k in range(first, len(sky.weight)):
-        facing = np.flatnonzero(normal @ sky.towards[k] > 0)
+        cosine = normal @ sky.towards[k]
+        facing = np.flatnonzero(cosine > 0)
         if maps is not None and placed is not None:
             facing = facing[~maps.shadowed(placed[:, facing], k)]
-        total[facing] += sky.weight[k] * (normal[facing] @ sky.towards[k])
+        total[facing] += sky.weight[k] * cosine[facing]
     return total
 
 
@@ -258,7 +265,7 @@ def _ink(image: NDArray[np.float32], scene: Scene, tri: IntArray, depth: FloatAr
     known = tri >= 0
     face = np.where(known, scene.face[tri], -1)
     part = np.where(known, scene.part[tri], -1)
-    strength = np.zeros(tri.shape)
+    strength = np.zeros(tri.shape, np.float32)
     for axis in (0, 1):
         a = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
         b = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
@@ -267,8 +274,10 @@ def _ink(image: NDArray[np.float32], scene: Scene, tri: IntArray, depth: FloatAr
         first = depth[a] >= depth[b]
         np.maximum(strength[a], np.where(first, line, 0), out=strength[a])
         np.maximum(strength[b], np.where(first, 0, line), out=strength[b])
-    y, x = np.nonzero(strength)
-    image[y, x, :3] += strength[y, x, None] * (INK - image[y, x, :3])
+    pixels = np.flatnonzero(strength)
+    inked = image.reshape(-1, 4)
+    dark = np.append(INK, 1.0).astype(np.float32)
+    inked[pixels] += strength.ravel()[pixels, None] * (dark - inked[pixels])
 
 
 def _ground(
@@ -298,6 +307,11 @@ def _ground(
     # A handful of lights make terraces; a little blur makes them one soft shadow.
     soft = gaussian_filter(lost.reshape(y.shape), 1.6)
     soft = gaussian_filter(np.repeat(np.repeat(soft, step, 0), step, 1), step / 2)
-    soft = np.where(empty, soft[:height, :width], 0)
+    # It fades out before the picture ends: no edge of a floor shows on the page.
+    across, down = (
+        np.minimum(1, 10 * (0.5 - np.abs(np.linspace(-0.5, 0.5, n)))) for n in (width, height)
+    )
+    fade = (across**2 * (3 - 2 * across)) * (down**2 * (3 - 2 * down))[:, None]
+    soft = np.where(empty, soft[:height, :width] * fade, 0)
     image[..., :3] += soft[..., None] * INK
     image[..., 3] += soft

@@ -37,7 +37,9 @@ def quantity(value: float | int | str, unit: str, digits: int = 4) -> str:
     shown = number(value, digits)
     if unit in ("", "1") or (isinstance(value, float) and math.isnan(value)):
         return shown
-    return f"{shown}°" if unit == "deg" else f"{shown}{_THIN}{unit}"
+    if unit == "deg":  # beside a raised exponent the sign would read as one more digit
+        return f"{shown}{_THIN}°" if "×" in shown else f"{shown}°"
+    return f"{shown}{_THIN}{unit}"
 
 
 def label(name: str) -> str:

@@ -12,20 +12,20 @@
 
   const VERTEX = `#version 300 es
     in vec3 place; in uint part;
-    uniform mat4 camera; uniform vec3 low, span, middle; uniform float radius, lift;
+    uniform mat4 camera; uniform vec3 low, span, middle; uniform float radius, lift; uniform highp int mode;
     uniform highp sampler2D states;
     flat out vec4 tint; flat out uint who; out vec3 at;
     void main() {
       tint = texelFetch(states, ivec2(part & 1023u, part >> 10), 0);
       who = part;
       at = (low + span * place - middle) / radius;
-      gl_Position = tint.a < 0.5 ? vec4(0, 0, 2, 1) : camera * vec4(at, 1);
+      gl_Position = tint.a < 0.5 || (mode == 4 && tint.a > 0.75) ? vec4(0, 0, 2, 1) : camera * vec4(at, 1);
       gl_Position.z -= lift * gl_Position.w;
     }`;
   const FRAGMENT = `#version 300 es
     precision highp float; precision highp int;
     flat in vec4 tint; flat in uint who; in vec3 at;
-    uniform vec3 eye, sun; uniform int mode; uniform uint hot; uniform bool marked;
+    uniform vec3 eye, sun; uniform highp int mode; uniform uint hot; uniform bool marked;
     out vec4 colour;
     void main() {
       if (mode == 2) {  // for pointing: the part's number, one up
@@ -33,6 +33,7 @@
         colour = vec4(n & 255u, (n >> 8) & 255u, (n >> 16) & 255u, 255u) / 255.0;
         return;
       }
+      if (mode == 4) { colour = vec4(0.99, 0.68, 0.05, 0.5); return; }
       bool chosen = marked && tint.a < 0.75;
       if (mode == 1) { colour = vec4(0.07, 0.10, 0.14, chosen ? 0.9 : 0.5); return; }
       vec3 back = normalize(eye - at);
@@ -198,7 +199,7 @@
     refresh() { this.waiting ??= requestAnimationFrame(() => { this.waiting = null; this.draw(); }); }
 
     prepare() {
-      const { gl, canvas } = this, ratio = Math.min(window.devicePixelRatio || 1, 2);
+      const { gl, canvas } = this, ratio = 2;  // twice as fine as the page: thin joints stay lines
       const width = Math.max(1, Math.round(canvas.clientWidth * ratio)), height = Math.max(1, Math.round(canvas.clientHeight * ratio));
       if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
       const { columns, eye, sun } = this.camera();
@@ -240,6 +241,9 @@
         gl.disable(gl.CULL_FACE); gl.colorMask(true, true, true, true);
       } else this.solid(0);
       this.wire();
+      if (this.chosen?.size) {  // what is chosen shines through what stands before it
+        gl.disable(gl.DEPTH_TEST); gl.enable(gl.BLEND); this.solid(4); gl.disable(gl.BLEND); gl.enable(gl.DEPTH_TEST);
+      }
     }
 
     find(event) {  // which part is under the pointer: one pixel of a picture of part numbers
@@ -343,7 +347,8 @@
         select.setAttribute("aria-label", "Colour by");
         for (const { name } of fields) select.append(new Option(name));
         select.addEventListener("change", () => { for (const view of views) view.paint?.(fields[select.selectedIndex]); });
-        bar.append("Colour by ", select);
+        const label = document.createElement("label");
+        label.append("Colour by ", select); bar.append(label);
       }
     }
 

@@ -76,12 +76,12 @@ def enneper(order: int = 1) -> MinimalSurface:
     # The base is where the curvature is largest, so that the panels vary least about it.
     base = ((n - 1) / (3 * n + 1)) ** (0.5 / n)
     reach = 2 * np.sqrt(n) / (n + 1) * base ** ((n + 1) / 2)
-    box = (-0.5 * reach, 0.5 * reach, -0.75 * reach, 0.75 * reach)
+    box = (-0.6 * reach, 0.6 * reach, -0.9 * reach, 0.9 * reach)
     return _monomial(f"enneper of order {n}", n, 0, base, box)
 
 
 def bour(order: int = 3) -> MinimalSurface:
-    """Return Bour's surface B_m: g = z, f = z^(m-2); a patch beside the branch point of order m-2."""
+    """Return Bour's surface g = z, f = z^(m-2), a patch beside its branch point of order m-2."""
     m = _whole("bour", "order", order, 3, 12)
     box = (-0.65 / m, 0.65 / m, -1.5 / m, 1.5 / m)
     return _monomial("bour" if m == 3 else f"bour of order {m}", 1, m - 2, 1.0, box)
@@ -145,7 +145,7 @@ def scherk_1() -> MinimalSurface:
 
 def scherk_2() -> MinimalSurface:
     """Return Scherk's singly periodic tower, conjugate to scherk-1: sin z = -sinh x sinh y."""
-    return replace(associate(scherk_1(), 90.0), name="scherk-2", rectangle=(-1.1, 1.1, -1.1, 1.1))
+    return replace(associate(scherk_1(), 90.0), name="scherk-2", rectangle=(-1.0, 1.0, -1.6, 1.6))
 
 
 def henneberg() -> MinimalSurface:
@@ -165,7 +165,7 @@ def henneberg() -> MinimalSurface:
         form=lambda z: 2 * (1 - z**-4),
         null_curve=_from_base(curve, base),
         base=base,
-        rectangle=(-0.5, 0.5, -0.5, 0.5),
+        rectangle=(-0.6, 0.6, -0.6, 0.6),
         singular=(1, 1j, -1, -1j, 0),
     )
 
@@ -183,7 +183,7 @@ def catalan() -> MinimalSurface:
         form=lambda z: 1 - np.exp(1j * z),
         null_curve=_from_base(curve, -np.pi),
         base=-np.pi,
-        rectangle=(-1.5, 1.5, -1.0, 1.0),
+        rectangle=(-1.7, 1.7, -1.3, 1.3),
         singular=(0, -2 * np.pi),
     )
 
@@ -216,7 +216,7 @@ def jorge_meeks(ends: int = 4) -> MinimalSurface:
         base=1.0,
         to_curvature=lambda z: factor * (np.arctan(z ** (k / 2)) - quarter),
         from_curvature=lambda w: np.tan(w / factor + quarter) ** (2 / k),
-        rectangle=(-0.5 * factor * quarter, 0.5 * factor * quarter, -0.4, 0.4),
+        rectangle=(-0.4 * factor, 0.4 * factor, -0.45 * factor, 0.45 * factor),
         singular=(0.0, *roots.tolist()),
     )
 

@@ -162,7 +162,9 @@ def associate(surface: MinimalSurface, angle: float) -> MinimalSurface:
         half = complex(np.sqrt(turn * q) / np.sqrt(q))
     u0, u1, v0, v1 = old.rectangle
     a, b, c, s = (u1 - u0) / 2, (v1 - v0) / 2, abs(half.real), abs(half.imag)
-    shrink = min(a / (a * c + b * s), b / (a * s + b * c))
+    shrink, p, q = max(
+        (min(a / (p * c + q * s), b / (p * s + q * c)), p, q) for p, q in ((a, b), (b, a))
+    )
     middle = half * complex(u0 + u1, v0 + v1) / 2
     return replace(
         old,
@@ -173,9 +175,9 @@ def associate(surface: MinimalSurface, angle: float) -> MinimalSurface:
         from_curvature=None if backward is None else lambda w: evaluate(backward, w / half),
         period=old.period * half if old.period and not turn.imag else None,
         rectangle=(
-            middle.real - shrink * a,
-            middle.real + shrink * a,
-            middle.imag - shrink * b,
-            middle.imag + shrink * b,
+            middle.real - shrink * p,
+            middle.real + shrink * p,
+            middle.imag - shrink * q,
+            middle.imag + shrink * q,
         ),
     )

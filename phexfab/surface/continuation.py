@@ -205,8 +205,10 @@ def describe(
         for _ in range(5):  # each circle is centred at the place that the one before gave
             with np.errstate(all="ignore"):
                 q = hopf(place + circle)
-                turns = np.angle(np.roll(q, -1) / q).sum() / (2 * np.pi)
-                order = round(turns) if np.isfinite(turns) else 0
+                turns = np.angle(np.roll(q, -1) / q)
+                # Between two samples the phase must not turn so far that its sense is unsure.
+                clear = np.isfinite(turns).all() and np.abs(turns).max() < 2.0
+                order = round(turns.sum() / (2 * np.pi)) if clear else 0
                 if not order:
                     break
                 speed = np.fft.ifft(np.fft.fft(q) * np.fft.fftfreq(len(q), 1.0 / len(q)))

@@ -83,11 +83,13 @@ class Expression:
 
     def __call__(self, z: ComplexArray) -> ComplexArray:
         """Return the value at ``z``."""
-        return self._evaluate(self._tree, np.asarray(z, complex))[0]
+        with np.errstate(all="ignore"):
+            return self._evaluate(self._tree, np.asarray(z, complex))[0]
 
     def derivative(self, z: ComplexArray) -> ComplexArray:
         """Return the exact derivative at ``z``."""
-        return self._evaluate(self._tree, np.asarray(z, complex))[1]
+        with np.errstate(all="ignore"):
+            return self._evaluate(self._tree, np.asarray(z, complex))[1]
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r})"

@@ -47,11 +47,21 @@ def foot_parameter(surface: MinimalSurface, points: ArrayLike, guess_z: ArrayLik
         height = (gap[todo] * surface.normal(now)).sum(-1)
         slope = (phi * gap[todo]).sum(-1).conj()  # <gap, X_u> + i <gap, X_v>
         # Hessian λ² - <gap, X_ij>; its normal part is h·II = -h Re(Q dz²), so that the step d
-        # solves λ² d + h conj(Q d) = slope.
-        bend = surface.scale * surface.hopf(now).conj() * height
-        safe = np.abs(bend) < 0.9 * first
-        bend = np.where(safe, bend, 0.0)
-        step = (first * slope - bend * slope.conj()) / (first**2 - np.abs(bend) ** 2)
+        # solves λ² d + B conj(d) = slope with B = h conj(Q): along the principal directions the
+        # factors are λ² ± |B|, kept away from zero beyond the centre of curvature.
+        turning = surface.scale * surface.hopf(now).conj()
+        bend = turning * height
+        axis = np.exp(0.5j * np.angle(bend))
+        along = slope * axis.conj()
+        with np.errstate(all="ignore"):
+            stiff, soft = first + np.abs(bend), np.maximum(first - np.abs(bend), 0.1 * first)
+            step = axis * (along.real / stiff + 1j * along.imag / soft)
+            # No step turns the normal by more than about a radian: beyond, the model is worthless.
+            step /= np.maximum(1.0, np.abs(step * turning) / np.sqrt(first))
+        lost = ~np.isfinite(step)
+        if lost.any():
+            todo = todo[lost]
+            break
         # Backtrack where the distance would grow by more than rounding.
         best = (gap[todo] ** 2).sum(-1)
         share, open_ = np.ones(len(todo)), np.arange(len(todo))

@@ -13,6 +13,7 @@ from phexfab.surface.holomorphic import ComplexArray, show
 NODES, WEIGHTS = (0.5 * a for a in np.polynomial.legendre.leggauss(16))
 NODES = NODES + 0.5
 DEPTH = 34
+MOST = 4096  # panels left open per segment, or altogether when there are many segments
 
 Panel = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -77,6 +78,8 @@ def integrate(
     mass = np.where(np.isfinite(mass), mass, 0.0)
     total = np.zeros((len(ends), coarse.shape[1]), complex)
     for _ in range(DEPTH):
+        if len(panel[0]) > max(MOST, 64 * len(ends)):
+            break
         halves = _halves(*panel)
         fine, fine_mass = gauss(halves)
         pairs = fine.reshape(-1, 2, fine.shape[1])
@@ -144,7 +147,11 @@ def integrate_root(
     with np.errstate(all="ignore"):
         whole = np.nan_to_num(np.abs(coarse[0]) * coarse[3], posinf=0.0)
     kept: list[tuple[NDArray, ...]] = []
-    for _ in range(DEPTH):
+    for depth in range(DEPTH + 1):
+        if depth == DEPTH or len(panel[0]) > max(MOST, 64 * len(ends)):
+            i = int(panel[0][0])
+            place = start + span[i] * panel[1][0]
+            raise _refuse("the curvature-line coordinate", place, start, ends[i])
         halves = _halves(*panel)
         part, turn, sure, size = gauss(halves)
         with np.errstate(all="ignore"):
@@ -163,10 +170,6 @@ def integrate_root(
         rest = np.repeat(~done, 2)
         panel = (halves[0][rest], halves[1][rest], halves[2][rest])
         coarse = (part[rest], turn[rest], sure[rest], size[rest])
-    else:
-        i = int(panel[0][0])
-        place = start + span[i] * panel[1][0]
-        raise _refuse("the curvature-line coordinate", place, start, ends[i])
 
     # Link the panels of every segment in order: each one starts with the root that the last left.
     owner, a, joined, turn = (np.concatenate(column) for column in zip(*kept, strict=True))

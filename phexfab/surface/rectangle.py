@@ -28,6 +28,7 @@ from phexfab.surface.holomorphic import CIRCLE, ComplexArray, show
 from phexfab.surface.weierstrass import MinimalSurface, Rectangle
 
 LEVELS = 9
+MOST = 3000  # failed discs; with more of them the rectangle spans too many scales to be a shell
 LOOKED_AT = 12  # failed discs per level in which a zero or pole is looked for
 COARSE = 4  # discs along the shorter side, to begin with
 CORNERS = np.array([1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j])
@@ -76,7 +77,8 @@ def check_rectangle(
             if good.all():
                 break
             failed = germs[~good]
-            found = _singularity(surface, failed, half, (u0, u1, v0, v1), level == LEVELS - 1)
+            last = level == LEVELS - 1 or len(failed.w) > MOST
+            found = _singularity(surface, failed, half, (u0, u1, v0, v1), last)
             if found:
                 raise SurfaceError(f"{where} {found}; choose a rectangle that avoids it")
             half = half / 2
@@ -109,9 +111,7 @@ def _germs(surface: MinimalSurface, w: ComplexArray, parents: Germ | None, ahead
         return Germ(w, z, q, np.where(((beyond - z) * root).real < 0, -root, root))
 
 
-def _analytic_discs(
-    surface: MinimalSurface, germs: Germ, radius: float
-) -> NDArray[np.bool_]:
+def _analytic_discs(surface: MinimalSurface, germs: Germ, radius: float) -> NDArray[np.bool_]:
     """Return on which of the discs about the germs the surface is regular."""
     n, k = len(germs.w), len(CIRCLE)
     spread = germs[np.repeat(np.arange(n), k)]
@@ -152,7 +152,8 @@ def _singularity(
 def _check_sheet(surface: MinimalSurface, germs: Germ, half: complex, where: str) -> None:
     """Refuse when the continuation from w = 0 and a disc disagree at a corner of the disc."""
     spread = germs[np.repeat(np.arange(len(germs.w)), 4)]
-    corners = spread.w + np.tile(_corners(half), len(germs.w))
+    # A little beyond the corners, so that a tear along the border of two discs is seen too.
+    corners = spread.w + np.tile(1.02 * _corners(half), len(germs.w))
     gap = np.abs(surface.parameter(corners) - hop(surface.hopf, spread, corners)[0].z)
     torn = np.flatnonzero(~(gap * np.abs(spread.root) <= 1e-3 * abs(half)))
     if len(torn):

@@ -121,3 +121,29 @@ def test_refusals_leave_no_file(tmp_path):
     with pytest.raises(NestingError, match=SHEETS[0].placements[0].mark):
         write_sheet(SHEETS[0], fewer, tmp_path / "a.dxf", META)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_not_what_was_drawn_is_refused_and_removed(tmp_path, monkeypatch):
+    from ezdxf.document import Drawing
+
+    saveas = Drawing.saveas
+
+    def spoil(how):
+        def save(drawing, name, *args, **kwargs):
+            how(drawing.modelspace().query('LWPOLYLINE[layer=="CUT"]'))
+            saveas(drawing, name, *args, **kwargs)
+
+        monkeypatch.setattr(Drawing, "saveas", save)
+
+    def stretch(contours):
+        contours[0].set_points([(1.001 * x, 1.001 * y) for x, y, *_ in contours[0]])
+
+    for how, message in (
+        (stretch, "off its length"),
+        (lambda contours: contours[0].close(False), "not closed"),
+        (lambda contours: contours[0].destroy(), "contours for"),
+    ):
+        spoil(how)
+        with pytest.raises(NestingError, match=message):
+            write_sheet(SHEETS[0], FLATS, tmp_path / "a.dxf", META)
+        assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""Lettering: inside the part, clear of edges and of itself, saying the right thing."""
+"""Engraving: inside the part, clear of its contour and of itself, saying the right thing."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,20 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phexfab.fabrication.marking import EDGE_CLEARANCE, MARK_HEIGHTS, engraving, marking
+from phexfab.errors import DesignError
+from phexfab.fabrication.marking import (
+    EDGE_CLEARANCE,
+    MARK_HEIGHT,
+    MARK_SMALLEST,
+    engraving,
+    marking,
+    note_text,
+)
 from phexfab.fabrication.parts import EdgeNote, FlatPart, Material
-from phexfab.fabrication.strokes import _GLYPHS, text_strokes, text_width
+from phexfab.fabrication.strokes import text_strokes, text_width
 
 HPL = Material("HPL", 1350.0)
+TICK = 5.0
 
 
 def hourglass(a, b, depth, jitter=(0.0,) * 12):
@@ -24,86 +33,127 @@ def flat(outline, notes=None, mark="P017"):
     return FlatPart(mark, outline, outline, edges, 8.0, HPL)
 
 
-@settings(max_examples=30, deadline=None)
+def texts_of(part, made):
+    """The polylines grouped by what they belong to, by counting the strokes of each text."""
+    said = [k for k, note in enumerate(part.edges) if note_text(note)]
+    noted = [k for k in said if k not in made.bare]
+    lines = list(made.lines)
+    words = [text_strokes(note_text(part.edges[k]), 1.0) for k in noted]
+    words += [text_strokes(part.mark, 1.0)] if made.height else []
+    total = sum(map(len, words))
+    groups = [[line] for line in lines[: len(lines) - total]]  # ticks
+    rest = lines[len(lines) - total :]
+    for word in words:
+        groups.append(rest[: len(word)])
+        rest = rest[len(word) :]
+    return groups
+
+
+@settings(max_examples=40, deadline=None)
 @given(
-    a=st.floats(60, 400),
-    b=st.floats(60, 400),
-    depth=st.floats(5, 50),
-    jitter=st.tuples(*[st.floats(-8, 8)] * 12),
+    a=st.floats(40, 400),
+    b=st.floats(40, 400),
+    depth=st.floats(5, 35),
+    jitter=st.tuples(*[st.floats(-6, 6)] * 12),
+    turn=st.floats(0, 360),
 )
-def test_everything_lies_inside_and_nothing_overlaps(a, b, depth, jitter):
-    part = flat(hourglass(a, b, depth, jitter))
+def test_everything_lies_inside_and_nothing_touches(a, b, depth, jitter, turn):
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    part = flat(hourglass(a, b, depth, jitter) @ np.array([[c, s], [-s, c]]))
     polygon = shapely.Polygon(part.outline)
     made = marking(part)
-    assert made.height > 0
-    inside = polygon.buffer(1e-9)
-    for line in made.lines:
-        assert inside.contains(shapely.LineString(line))
-    # Letters of different texts never cross: group lines by text through their order.
-    lettering = [shapely.LineString(line) for line in made.lines]
-    ticks = [
-        line for line in lettering if len(line.coords) == 2 and line.length == pytest.approx(6)
+    assert made.height >= MARK_SMALLEST
+    drawn = [
+        shapely.MultiLineString([shapely.LineString(p) for p in g]) for g in texts_of(part, made)
     ]
-    others = [line for line in lettering if line not in ticks]
-    for tick in ticks:
-        assert all(tick.distance(other) > 0.5 for other in others)
-    border = polygon.exterior
-    assert min(line.distance(border) for line in others) >= EDGE_CLEARANCE - 1e-9
+    for item in drawn:
+        assert polygon.contains(item)
+        assert item.distance(polygon.exterior) >= EDGE_CLEARANCE - 1e-6
+    tree = shapely.STRtree(drawn)
+    i, j = tree.query(drawn, predicate="dwithin", distance=0.5)
+    assert np.all(i == j)
 
 
-def test_the_mark_is_as_large_as_it_fits():
-    assert marking(flat(hourglass(200, 200, 60))).height == MARK_HEIGHTS[0]
-    heights = [marking(flat(hourglass(s, s, s / 4))).height for s in (20, 40, 80, 200)]
-    assert heights == sorted(heights) and heights[0] < heights[-1]
+def test_the_mark_grows_with_the_part_up_to_its_limit():
+    sizes = (15, 20, 40, 80, 200, 400)
+    heights = [marking(flat(hourglass(s, s, s / 4))).height for s in sizes]
+    assert heights == sorted(heights)
+    assert heights[0] < heights[2] < MARK_HEIGHT
+    assert heights[-1] == pytest.approx(MARK_HEIGHT)
+
+
+def test_the_mark_is_as_large_as_a_search_by_hand_finds():
+    """A rectangle's largest inscribed text is known: the room's height or its width decides."""
+    quiet = (EdgeNote("", 0.0),) * 4
+    for width, height in ((90.0, 30.0), (60.0, 44.0), (400.0, 36.0)):
+        outline = np.array([(0, 0), (width, 0), (width, height), (0, height)], float)
+        room = np.array([width, height]) - 2 * EDGE_CLEARANCE
+        best = min(room[1], room[0] / text_width("P017", 1.0))
+        assert marking(flat(outline, quiet)).height == pytest.approx(
+            min(0.9 * best, MARK_HEIGHT), rel=0.03
+        )
 
 
 def test_notes_name_the_neighbour_and_the_bevel():
-    """Counted in strokes: a note has exactly the strokes of its text."""
+    """Counted in strokes: a note has exactly the strokes of its text, and one tick."""
     outline = hourglass(200, 200, 60)
     quiet = tuple(EdgeNote("", 0.0) for _ in range(6))
-    base = len(marking(flat(outline, quiet)).lines)
+    base = len(engraving(flat(outline, quiet)))
+    assert base == len(text_strokes("P017", 1.0))
     for note, text in (
         (EdgeNote("P123", 0.0), "P123"),
+        (EdgeNote("P123", -0.04), "P123"),
         (EdgeNote("P123", 3.24), "P123 +3.2"),
         (EdgeNote("", -4.0), "-4.0"),
         (EdgeNote("N105", 60.3, -29.3), "N105 +60.3/-29.3"),
     ):
+        assert note_text(note) == text
         made = marking(flat(outline, (note, *quiet[1:])))
         assert made.bare == ()
         assert len(made.lines) - base == 1 + len(text_strokes(text, 1.0))
 
 
+def test_a_tick_stands_square_on_the_middle_of_its_edge_and_the_note_beside_it():
+    outline = hourglass(200, 180, 60)
+    quiet = [EdgeNote("", 0.0)] * 6
+    for k in range(6):
+        notes = [*quiet]
+        notes[k] = EdgeNote("P100", 2.0)
+        part = flat(outline, tuple(notes))
+        tick, note, _ = texts_of(part, marking(part))
+        tail, head = outline[k], outline[(k + 1) % 6]
+        along = (head - tail) / np.linalg.norm(head - tail)
+        start, end = tick[0] - (tail + head) / 2
+        assert abs(start @ along) < 1e-9 and abs(end @ along) < 1e-9
+        assert np.linalg.norm(end - start) == pytest.approx(TICK)
+        assert np.linalg.norm(start) == pytest.approx(EDGE_CLEARANCE, abs=1e-5)
+        # The note is nearer to its own edge than to any other, and reads left to right.
+        points = np.concatenate(note)
+        distances = [
+            shapely.MultiPoint(points).distance(
+                shapely.LineString([outline[i], outline[(i + 1) % 6]])
+            )
+            for i in range(6)
+        ]
+        assert int(np.argmin(distances)) == k
+        stem = note[0][np.argsort(note[0] @ [-along[1], along[0]])]
+        assert abs(along[0]) < 1e-9 or note[-1].mean(axis=0)[0] > stem[0][0]
+
+
 def test_an_edge_without_room_keeps_its_tick_and_is_reported():
-    outline = np.array([(0, 0), (300, 0), (300, 200), (296, 200), (290, 30), (0, 30)], float)
+    outline = np.array([(0, 0), (300, 0), (300, 200), (290, 200), (284, 30), (0, 30)], float)
     notes = tuple(EdgeNote("P999", 2.0) for _ in outline)
     made = marking(flat(outline, notes))
-    assert 3 in made.bare and 2 in made.bare
+    assert 2 in made.bare and 0 not in made.bare
+    assert made.height >= MARK_SMALLEST
 
 
-def test_lettering_stands_upright():
-    made = engraving(flat(hourglass(200, 200, 60), tuple(EdgeNote("", 0.0) for _ in range(6))))
-    strokes = text_strokes("P017", MARK_HEIGHTS[0])
-    assert len(made) == len(strokes)
-    for drawn, wanted in zip(made, strokes, strict=True):
-        assert np.allclose(drawn - drawn[0], wanted - wanted[0], atol=1e-9)
+def test_a_part_too_small_for_letters_says_so():
+    made = marking(flat(hourglass(5, 5, 2)))
+    assert made.height == 0 and made.bare == (0, 1, 2, 3, 4, 5)
+    assert marking(flat(hourglass(2, 2, 1))).lines == ()
 
 
-@pytest.mark.parametrize("letter", sorted(set(_GLYPHS) - {" "}))
-def test_every_glyph_stays_in_its_cell_and_differs_from_all_others(letter):
-    drawn = text_strokes(letter, 6.0)
-    points = np.concatenate(drawn)
-    assert points.min() >= 0 and points[:, 0].max() <= 4 and points[:, 1].max() <= 6
-    for other in set(_GLYPHS) - {letter}:
-        theirs = text_strokes(other, 6.0)
-        assert len(theirs) != len(drawn) or any(
-            a.shape != b.shape or not np.allclose(a, b) for a, b in zip(drawn, theirs, strict=True)
-        )
-
-
-def test_width_is_that_of_the_strokes():
-    for text in ("H", "P017", "M-/MH"):
-        x = np.concatenate(text_strokes(text, 12.0))[:, 0]
-        assert x.max() == pytest.approx(text_width(text, 12.0))
-    assert text_width("", 10) == 0
-    assert len(text_strokes("ab", 1)) == len(text_strokes("AB", 1))
-    assert len(text_strokes("%", 1)) == len(text_strokes("?", 1))
+def test_a_mark_without_strokes_is_refused():
+    with pytest.raises(DesignError, match="'%'"):
+        marking(flat(hourglass(200, 200, 60), mark="P%7"))

@@ -1,24 +1,32 @@
 """A small build as the report gets it, and the page read back by Python's own parser."""
 
+from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from html.parser import HTMLParser
+from unittest.mock import patch
 
 import numpy as np
 
 from phexfab.fabrication.bars import BeamSpec
 from phexfab.fabrication.beams import beams
-from phexfab.fabrication.marking import engraving
 from phexfab.fabrication.nest import nest_all
 from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
 from phexfab.fabrication.parts import CheckResult, Parts, Stock
 from phexfab.minimal.shell import lattice_on, minimal_shell
+from phexfab.report import page as page_module
 from phexfab.report.data import ReportData
-from phexfab.report.page import report_html
 from phexfab.surface.catalog import surface
 
 EVIL = """Pavilion </script><b onclick='x()'>&amp; "quoted" \u2028]]> --> ñ"""
 VOID = {"meta", "img", "br", "input", "link", "hr"}
+
+
+def strokes(flat):
+    """Polylines of several lengths inside a part: a smaller contour and two ticks."""
+    middle = flat.outline.mean(0)
+    small = middle + 0.3 * (flat.outline - middle)
+    return (small, small[:2] * [1.0, 0.99], np.array([middle, middle + np.array([0.0, 7.25])]))
 
 
 @lru_cache(maxsize=1)
@@ -28,9 +36,7 @@ def sample():
     shell = minimal_shell(smooth, lattice_on(smooth, 700.0), "edge")
     panel, node = PanelSpec(), NodeSpec(kind="hub")
     beam = BeamSpec(ends="hub", hub_radius=node.radius)
-    parts = Parts(
-        panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel)
-    )
+    parts = Parts(panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel))
     flats = [part.flat for part in (*parts.panels, *parts.beams)]
     sheets = nest_all(flats, Stock(2500.0, 1500.0), packer="shelf").sheets
     return ReportData(
@@ -39,7 +45,7 @@ def sample():
         shell=shell,
         parts=parts,
         sheets=sheets,
-        engraving={flat.mark: engraving(flat) for flat in flats[: len(parts.panels)]},
+        engraving={flat.mark: strokes(flat) for flat in flats[: len(parts.panels)]},
         checks=(
             CheckResult("planarity", 2e-15, 1e-12, "1", "<=", parts.panels[0].mark, "all is well"),
             CheckResult("panel_mass", 61.5, 60.0, "kg", "<=", parts.panels[1].mark, "<i>heavy</i>"),
@@ -56,9 +62,28 @@ def sample():
     )
 
 
+@contextmanager
+def small_pictures():
+    """Pictures of a sixth of the size: they take most of the time, and have tests of their own."""
+
+    def smaller(figure):
+        def draw(*args, size, **options):
+            return figure(*args, size=(size[0] // 6, size[1] // 6), **options)
+
+        return draw
+
+    with ExitStack() as stack:
+        for name in ("assembly_figure", "shell_figure", "gauss_figure"):
+            stack.enter_context(
+                patch.object(page_module, name, smaller(getattr(page_module, name)))
+            )
+        yield
+
+
 @lru_cache(maxsize=1)
 def page_text():
-    return report_html(sample())
+    with small_pictures():
+        return page_module.report_html(sample())
 
 
 class Page(HTMLParser):

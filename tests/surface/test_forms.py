@@ -92,9 +92,7 @@ def test_scaled_multiplies_lengths_and_nothing_else(name):
     assert np.allclose(large.point(z), 4 * small.point(z), rtol=1e-14)
     assert np.allclose(large.first_form(z), 16 * small.first_form(z), rtol=1e-14)
     assert np.allclose(large.second_form(z), 4 * small.second_form(z), rtol=1e-14)
-    assert np.allclose(
-        large.principal_curvatures(z), small.principal_curvatures(z) / 4, rtol=1e-11
-    )
+    assert np.allclose(large.principal_curvatures(z), small.principal_curvatures(z) / 4, rtol=1e-11)
     assert np.array_equal(large.normal(z), small.normal(z))
     assert large.rectangle == small.rectangle
     assert np.array_equal(large.curvature_coordinates(z), small.curvature_coordinates(z))
