@@ -186,7 +186,7 @@ def _press(job: Job, layout: list[list[Spot]], sparrow: Sparrow) -> list[list[Sp
         open_ = sorted(
             (k for k in sheets if room[k] >= job.areas[loose[-1]]), key=lambda k: fill[k]
         )
-        if 3 * len(loose) > 2 * len(open_):
+        if len(loose) > max(2 * len(open_) // 3, min(2, len(open_))):
             return layout  # one part more on every other sheet is not to be hoped for
         pair = list(zip(open_, loose[:2], strict=False))
         answers = sparrow.ask(

@@ -27,7 +27,8 @@ from phexfab.linalg import factorise
 from phexfab.mesh.measures import face_normals
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.curvature import pair_curvatures
-from phexfab.parallel.edge_curvature import edge_vectors, parallel_sines, twin_corners
+from phexfab.parallel.edge_curvature import edge_vectors, twin_corners
+from phexfab.parallel.pairs import parallelism
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -88,7 +89,7 @@ def is_discrete_minimal(
         raise MeshError("the mesh has no face, so nothing can be minimal")
     defects = pair_curvatures(mesh, gauss).minimality
     face = int(np.argmax(defects))  # the first that is not a number, if there is one
-    sine = float(parallel_sines(mesh, gauss).max())
+    sine = float(parallelism(mesh, gauss).max())
     worst = float(defects[face])
     return MinimalTest(worst <= tolerance and sine <= parallel, worst, face, sine, defects)
 

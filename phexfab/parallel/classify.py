@@ -184,8 +184,9 @@ class MeshClass:
     Attributes
     ----------
     kind : str or None
-        The type to take: of vertex and edge the one within the tolerance that fits better, else
-        face where it is within (for simple meshes it always is), else None.
+        The type to take: of edge and vertex the one within the tolerance that fits better (edge
+        when both do to rounding, as on rotational meshes), else face where it is within (for
+        simple meshes it always is), else None.
     kinds : tuple of str
         All types within the tolerance.
     fits : dict
@@ -226,7 +227,7 @@ def classify_mesh(
     mesh : PolyMesh
         Planar faces; any number of sides, any valence.
     tolerance : float, optional
-        Largest miss of the unit sphere. By default 1e-9, or the mesh's own relative planarity
+        Largest miss of the unit sphere. By default 1e-11, or the mesh's own relative planarity
         where that is more: what is not known cannot be told apart, and on a fine mesh the three
         types differ by little.
     space : ParallelSpace, optional
@@ -237,12 +238,13 @@ def classify_mesh(
     Thesis §4.4, ch. 6.
     """
     flatness = float(relative_planarity(mesh).max())
-    limit = max(1e-9, flatness) if tolerance is None else tolerance
+    limit = max(1e-11, flatness) if tolerance is None else tolerance
     if space is None:
         space = parallel_space(mesh, tolerance=max(1e-8, 10 * flatness))
     fits = {kind: fit_to_sphere(space, kind) for kind in ("vertex", "edge", "face")}
     kinds = tuple(kind for kind, fit in fits.items() if fit.worst <= limit)
-    best = sorted((fits[kind].mean, kind) for kind in kinds if kind != "face")
+    # Below rounding nothing is better than another; ties go to the edge type, by name.
+    best = sorted((max(fits[kind].mean, 1e-13), kind) for kind in kinds if kind != "face")
     kind = best[0][1] if best else ("face" if "face" in kinds else None)
     sine = max(worst_edge(mesh, fit.gauss)[0] for fit in fits.values())
     return MeshClass(

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phexfab.errors import MeshError
 from phexfab.mesh.measures import face_normals
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.edge_curvature import edge_curvatures
+from phexfab.parallel.pairs import require_same_faces
 from phexfab.parallel.shell import Shell
 
 FloatArray = NDArray[np.float64]
@@ -57,7 +57,7 @@ def pair_mixed_areas(
     ----------
     Thesis §7.1.1.2.
     """
-    _same_faces(mesh, other)
+    require_same_faces(mesh, other)
     if not mesh.n_faces:
         return np.zeros(0)
     about = face_normals(mesh) if normals is None else normals
@@ -188,7 +188,7 @@ def pair_curvatures(
     ----------
     mesh, gauss : PolyMesh
         A parallel pair with the same faces, mm and unit length. That edges are parallel is not
-        checked here; see ``phexfab.parallel.edge_curvature.parallel_sines``.
+        checked here; see ``phexfab.parallel.pairs.parallelism``.
     normals : (F, 3) unit vectors, optional
         Of M's faces; computed where left out.
 
@@ -276,15 +276,3 @@ def face_fields(shell: Shell) -> dict[str, tuple[FloatArray, str]]:
 
 def _divide(above: FloatArray, below: FloatArray) -> FloatArray:
     return np.divide(above, below, out=np.full(len(below), np.nan), where=below != 0)
-
-
-def _same_faces(mesh: PolyMesh, other: PolyMesh) -> None:
-    if mesh is other:
-        return
-    if not (
-        np.array_equal(mesh.starts, other.starts) and np.array_equal(mesh.corners, other.corners)
-    ):
-        raise MeshError(
-            f"the meshes do not have the same faces ({mesh.n_faces} and {other.n_faces}): a "
-            "parallel pair lists the same vertices in the same order"
-        )

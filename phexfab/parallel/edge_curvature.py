@@ -3,7 +3,7 @@
 An edge of the Gauss image is ``s_j − s_i = κ_ij (m_j − m_i)``, so an edge of the offset M + d·S is
 (1 + d κ_ij) times M's: κ_ij is *minus* a principal curvature in the sign of Steiner's formula,
 1 − 2dH + d²K = (1 − dκ₁)(1 − dκ₂). A sphere of radius R with outward normals has κ_ij = 1/R and
-H = −1/R.
+H = −1/R. An edge of the offset vanishes at d = −1/κ_ij (``phexfab.parallel.pairs.pair_interval``).
 
 References
 ----------
@@ -75,37 +75,6 @@ def edge_curvatures(mesh: PolyMesh, gauss: PolyMesh) -> FloatArray:
     m, s = edge_vectors(mesh), edge_vectors(gauss)
     above, below = np.einsum("ij,ij->i", m, s), np.einsum("ij,ij->i", m, m)
     return np.divide(above, below, out=np.full(len(below), np.nan), where=below > 0)
-
-
-def parallel_sines(mesh: PolyMesh, gauss: PolyMesh) -> FloatArray:
-    """Return (C,) sines of the angles between the edges of two meshes; 0 where parallel.
-
-    An edge without length is parallel to any other.
-    """
-    m, s = edge_vectors(mesh), edge_vectors(gauss)
-    below = np.linalg.norm(m, axis=1) * np.linalg.norm(s, axis=1)
-    above = np.linalg.norm(np.cross(m, s), axis=1)
-    return np.divide(above, below, out=np.zeros(len(below)), where=below > 0)
-
-
-def offset_limits(curvatures: FloatArray) -> tuple[float, float]:
-    """Return the open interval of distances at which M + d·S has no flipped edge.
-
-    Edge e vanishes at d = −1/κ_e.
-
-    Parameters
-    ----------
-    curvatures : (C,) array, 1/mm
-
-    Returns
-    -------
-    low, high : float
-        In mm; infinite where no edge sets a limit.
-    """
-    k = curvatures[np.isfinite(curvatures)]
-    high = -1 / k[k < 0].min() if np.any(k < 0) else np.inf
-    low = -1 / k[k > 0].max() if np.any(k > 0) else -np.inf
-    return float(low), float(high)
 
 
 def quad_curvatures(curvatures: FloatArray) -> tuple[FloatArray, FloatArray]:

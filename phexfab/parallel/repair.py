@@ -29,6 +29,7 @@ from phexfab.parallel.tree import spanning_tree, sum_to_root
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+ROUNDS = 3  # a repaired face may, rarely, make a neighbour cross itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ def repair_crossings(
     -------
     Repair
         ``left`` and ``note`` say what could not be repaired. Where no heights give the wanted
-        signs the shell comes back unchanged.
+        signs the planes stay where they are.
 
     Raises
     ------
@@ -116,6 +117,28 @@ def repair_crossings(
     crossing = np.flatnonzero(~simple_faces(shell.mesh))
     if signs is None and not len(crossing):
         return Repair(shell, crossing, none, none, np.zeros(0), none)
+    fixed, left, note = shell, crossing, ""
+    for _ in range(ROUNDS):
+        try:
+            fixed = _repair_once(fixed, left, fraction, signs)
+        except SolveError as error:
+            note = str(error)
+            break
+        left = np.flatnonzero(~simple_faces(fixed.mesh))
+        if not len(left):
+            break
+    else:
+        note = f"panel {left[0]} still crosses itself: give other signs"
+    before, after = edge_ratios(shell), edge_ratios(fixed)
+    step = fixed.heights - shell.heights
+    moved = np.flatnonzero(step)
+    turned = np.flatnonzero((before < 0) != (after < 0))
+    return Repair(fixed, crossing, turned, moved, step[moved], left, note)
+
+
+def _repair_once(
+    shell: Shell, crossing: IntArray, fraction: float, signs: IntArray | None
+) -> Shell:
     ratios = edge_ratios(shell)
     wanted = _wanted_signs(shell, ratios) if signs is None else np.asarray(signs, np.int64)
     turned = np.flatnonzero(wanted != np.where(ratios < 0, -1, 1))
@@ -129,15 +152,9 @@ def repair_crossings(
     waist, open_by = _waists(shell, wanted, ratios, fraction, near[shell.panels])
     rows = sp.vstack([sp.diags(wanted.astype(float)) @ matrix, waist @ matrix]).tocsr()
     have = np.concatenate([wanted * ratios, waist @ ratios])
-    try:
-        step = _least_move(rows, np.concatenate([floor, open_by]) - have)
-    except SolveError as error:
-        return Repair(shell, crossing, turned, none, np.zeros(0), crossing, str(error))
-    fixed = shell.with_heights(shell.heights + step)
-    left = np.flatnonzero(~simple_faces(fixed.mesh))
-    note = "" if not len(left) else f"panel {left[0]} still crosses itself: give other signs"
-    moved = np.flatnonzero(step)
-    return Repair(fixed, crossing, turned, moved, step[moved], left, note)
+    return shell.with_heights(
+        shell.heights + _least_move(rows, np.concatenate([floor, open_by]) - have)
+    )
 
 
 def _corner_edges(shell: Shell) -> IntArray:

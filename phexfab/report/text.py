@@ -23,6 +23,7 @@ def number(value: float | int | str, digits: int = 4) -> str:
         return _minus(f"{int(value):,}")
     if not 1e-3 <= abs(value) < 1e7:
         mantissa, exponent = f"{value:.{max(digits - 2, 1)}e}".split("e")
+        mantissa = mantissa.rstrip("0").rstrip(".")
         return _minus(f"{mantissa} × 10{str(int(exponent)).translate(_SUPERSCRIPT)}")
     whole = len(str(int(abs(value)))) if abs(value) >= 1 else 0
     zeros = 0 if whole else -math.floor(math.log10(abs(value))) - 1

@@ -226,14 +226,16 @@ def describe(
         # With 1 - t = s² along the way there, √Q is analytic in s at its end, for any order > -2.
         s, weights = _RULES[2]
         with np.errstate(all="ignore"):
-            roots = root * np.sqrt(hopf(place + (z - place) * s * s) / hopf(np.array(z, complex)))
+            roots = root * np.sqrt(
+                hopf(np.asarray(place + (z - place) * s * s, complex)) / hopf(np.array(z, complex))
+            )
         w = complex(w - (z - place) * (2 * s * roots) @ weights)
     if order:
         kind = ZERO_OR_POLE[order < 0]
         return f"{kind} of order {abs(order)} of the Hopf differential", place, w
     # Where Q behaves like z^k with k < -2 on a wide circle, w stays finite as z grows.
     with np.errstate(all="ignore"):
-        q = hopf(z * (1 + 0.5 * CIRCLE))
+        q = hopf(np.asarray(z * (1 + 0.5 * CIRCLE), complex))
         power = 2 * (q * CIRCLE.conj()).mean() / hopf(np.array(z, complex))
     if power.real < -2.5 and abs(power - round(power.real)) < 0.02:
         away = 0.0 if root is None else 2.0 / (power + 2.0) * z * root

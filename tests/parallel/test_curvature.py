@@ -9,7 +9,6 @@ from phexfab.minimal.shell import lattice_on, minimal_shell, tangent_shell
 from phexfab.parallel.curvature import (
     FaceCurvatures,
     face_fields,
-    mean_curvatures,
     minimality,
     pair_curvatures,
     pair_mixed_areas,
@@ -143,7 +142,7 @@ def test_degenerate_faces():
 
 def test_other_faces_are_refused():
     other = PolyMesh(SHELL.mesh.vertices, np.roll(SHELL.mesh.corners, 1), SHELL.mesh.starts)
-    with pytest.raises(MeshError, match="same faces"):
+    with pytest.raises(MeshError, match="correspond"):
         pair_mixed_areas(SHELL.mesh, other)
 
 
@@ -168,41 +167,69 @@ def rates(errors):
     return -np.diff(np.log2(errors))
 
 
+def smooth_curvatures(made, shell, distance):
+    """κ of the parallel surface at a distance is κ/(1 − dκ), at the point of every panel."""
+    kappa = made.principal_curvatures(shell.parameters[shell.panels])
+    return kappa / (1 - distance * kappa)
+
+
+def errors_of(made, shell, distance):
+    """(P, 3) errors of H, K and the principal curvatures of M + dS, in units of 1 m."""
+    kappa = smooth_curvatures(made, shell, distance)
+    found = shell_curvatures(shell.with_heights(shell.heights + distance * shell.gauss_heights))
+    return np.column_stack(
+        [
+            np.abs(found.mean - kappa.mean(axis=1)) * 1e3,
+            np.abs(found.gaussian - kappa.prod(axis=1)) * 1e6,
+            np.abs(found.principal - np.sort(kappa, axis=1)[:, ::-1]).max(axis=1) * 1e3,
+        ]
+    )
+
+
+def well_inside(made, shell):
+    """(P,) the panels in the middle of the rectangle, the same region on every lattice."""
+    w = made.curvature_coordinates(shell.parameters[shell.panels])
+    u, v = (x - (x.max() + x.min()) / 2 for x in (w.real, w.imag))
+    return (np.abs(u) < 0.32) & (np.abs(v) < 0.28)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["catenoid", "enneper"])
-@pytest.mark.parametrize("distance", [0.0, 300.0, -200.0])
+@pytest.mark.parametrize("distance", [0.0, 80.0, -60.0])
 def test_curvatures_of_parallel_surfaces_converge_with_rate_two(name, kind, distance):
-    """κ of the parallel surface at distance d is κ/(1 − dκ): there H does not vanish."""
-    errors = []
+    """On discrete minimal surfaces: inside in the maximum, everywhere in the mean.
+
+    Panels that a border plane trims are of first order: there the solve meets a plane that is
+    tangent to the smooth surface, which M is off by O(step²).
+    """
+    inside, mean = [], []
     for made, shell in halved(name, kind):
-        z = shell.parameters[shell.panels]
-        kappa = made.principal_curvatures(z)
-        kappa = kappa / (1 - distance * kappa)
-        moved = shell.with_heights(shell.heights + distance * shell.gauss_heights)
-        found = shell_curvatures(moved)
-        errors.append(
-            [
-                np.abs(found.mean - kappa.mean(axis=1)).max() * 1e3,
-                np.abs(found.gaussian - kappa.prod(axis=1)).max() * 1e6,
-                np.abs(found.principal - np.sort(kappa, axis=1)[:, ::-1]).max() * 1e3,
-            ]
-        )
-    h, k, both = np.array(errors).T
-    assert rates(k)[-1] > 1.9 and rates(both)[-1] > 1.9, (k, both)
-    if distance:
-        assert rates(h)[-1] > 1.9, h
-    else:
-        assert h.max() < 1e-9
+        found = errors_of(made, shell, distance)
+        inside.append(found[well_inside(made, shell)].max(axis=0))
+        mean.append(found.mean(axis=0))
+    for worst in (np.array(inside), np.array(mean)):
+        if not distance:
+            assert worst[:, 0].max() < 1e-9  # H vanishes
+        for errors in worst.T[0 if distance else 1 :]:
+            assert rates(errors)[-1] > 1.9, worst
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["catenoid", "enneper"])
-def test_mean_curvature_of_tangent_planes_converges_to_zero(name):
-    """Before the solve H is not zero, only small of second order."""
-    h = [np.abs(mean_curvatures(shell)).max() for _, shell in halved(name, "face", tangent_shell)]
-    assert h[0] > 1e-9 and rates(h)[-1] > 1.9, h
+@pytest.mark.parametrize("distance", [0.0, 80.0])
+def test_curvatures_of_tangent_planes_converge_with_rate_two_everywhere(name, kind, distance):
+    """Before the solve, border panels included; H of the surface itself is not 0 then."""
+    errors = np.array(
+        [
+            errors_of(made, shell, distance).max(axis=0)
+            for made, shell in halved(name, kind, tangent_shell)
+        ]
+    )
+    assert errors[0, 0] > 1e-6
+    assert (-np.diff(np.log2(errors), axis=0)[-1] > 1.9).all(), errors
 
 
-def torus_pair(n, both=True):
+def torus_pair(n):
     """Quads inscribed in a torus along curvature lines, and their Gauss image inscribed in S²."""
     big, small = 3.0, 1.0
     t = np.linspace(-0.5, 1.2, n + 1)
@@ -261,12 +288,7 @@ def test_totals_of_a_catenoid_converge_to_the_integrals(kind):
         )
     errors = np.array(errors)
     assert (errors[-1] < 1e-2).all()
-    assert (rates(errors[:, 0])[-1], rates(errors[:, 1])[-1], rates(errors[:, 2])[-1]) > (
-        1.9,
-        1.9,
-        1.9,
-    )
-    assert rates(errors[:, 1])[-1] > 1.9 and rates(errors[:, 2])[-1] > 1.9
+    assert (-np.diff(np.log2(errors), axis=0)[-1] > 1.9).all(), errors
 
 
 def test_the_fields_of_a_shell():

@@ -10,13 +10,11 @@ from phexfab.minimal.shell import lattice_on, minimal_shell
 from phexfab.parallel.curvature import pair_curvatures
 from phexfab.parallel.edge_curvature import (
     edge_curvatures,
-    offset_limits,
-    parallel_sines,
     quad_curvatures,
     quad_face_curvatures,
     twin_corners,
 )
-from phexfab.parallel.offset import admissible_interval
+from phexfab.parallel.pairs import pair_interval, parallelism
 from phexfab.surface.catalog import surface
 
 SMOOTH = surface("enneper").scaled(1000.0)
@@ -50,7 +48,7 @@ def quad_pair(rows, columns, seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_quads_agree_with_the_mixed_areas(seed):
     mesh, gauss = quad_pair(7, 9, seed)
-    assert parallel_sines(mesh, gauss).max() < 1e-12
+    assert parallelism(mesh, gauss).max() < 1e-12
     mean, gaussian = quad_face_curvatures(mesh, gauss)
     found = pair_curvatures(mesh, gauss)
     size = np.abs(edge_curvatures(mesh, gauss)).max()
@@ -121,8 +119,8 @@ def test_the_offset_s_edges_are_scaled_by_one_plus_d_kappa():
     tail, head = mesh.corners, mesh.corners[mesh.next_corner]
     before, after = mesh.vertices[head] - mesh.vertices[tail], moved[head] - moved[tail]
     assert np.abs(after - (1 + d * k)[:, None] * before).max() < 1e-10
-    assert offset_limits(k) == pytest.approx(admissible_interval(SHELL), rel=1e-12)
-    assert offset_limits(np.array([0.0, 2.0])) == (-0.5, np.inf)
+    limits = -1 / k[k > 0].max(), -1 / k[k < 0].min()
+    assert limits == pytest.approx(pair_interval(mesh, gauss), rel=1e-12)
 
 
 def test_both_sides_of_an_edge_agree():
@@ -139,10 +137,3 @@ def test_a_disoriented_mesh_is_refused():
     mesh = PolyMesh.from_faces(np.eye(4, 3), [[0, 1, 2], [0, 1, 3]])
     with pytest.raises(MeshError, match="edge 0-1"):
         twin_corners(mesh)
-
-
-def test_edges_that_are_not_parallel_are_seen():
-    gauss = SHELL.gauss
-    turned = PolyMesh(gauss.vertices @ np.diag([1.0, 1.1, 1.0]), gauss.corners, gauss.starts)
-    assert parallel_sines(SHELL.mesh, gauss).max() < 1e-12
-    assert parallel_sines(SHELL.mesh, turned).max() > 0.02

@@ -192,11 +192,9 @@ def test_bending_keeps_lengths_and_normals(name, angle):
     assert abs(sign) == 1 and np.allclose(v, sign * rotation * w, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", list(catalog))
+@pytest.mark.parametrize("name", [name for name in catalog if name != "catenoid-helicoid"])
 def test_the_rectangle_of_a_bending_fits_into_the_old_one(name):
     smooth, turned = surface(name), surface(name, bonnet_angle=35.0)
-    if name == "catenoid-helicoid":
-        pytest.skip("the angle is its own")
     u0, u1, v0, v1 = turned.rectangle
     corners = np.array([complex(u0, v0), complex(u1, v0), complex(u1, v1), complex(u0, v1)])
     back = smooth.curvature_coordinates(turned.parameter(corners))
