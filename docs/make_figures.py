@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
-from phexfab.fabrication.parts import Cylinder, Material, Node
+from phexfab.fabrication.parts import FAMILY_COLOURS, Cylinder, Material, Node
 from phexfab.minimal.shell import minimal_shell, surface_distance
 from phexfab.parallel.curvature import minimality
 from phexfab.parallel.offset import node_axes
@@ -25,8 +25,6 @@ from phexfab.report.camera import View
 from phexfab.report.fields import face_marks
 from phexfab.report.figures import assembly_figure
 from phexfab.report.scene import (
-    BEAM_COLOUR,
-    PANEL_COLOUR,
     Layer,
     gauss_layer,
     hub_layer,
@@ -205,8 +203,12 @@ def node_figure() -> None:
     line = Cylinder(at - 40 * direction, direction, 2.0, 220.0)
     axis = Node("axis", int(node), line, Material("line", 0.0), (), 0.0, 0.0)
     layers = [
-        solid_layer("beams", [b.mark for b in bars], [b.solid for b in bars], BEAM_COLOUR),
-        solid_layer("panels", [p.mark for p in kept], [p.solid for p in kept], PANEL_COLOUR),
+        solid_layer(
+            "beams", [b.mark for b in bars], [b.solid for b in bars], FAMILY_COLOURS["beams"]
+        ),
+        solid_layer(
+            "panels", [p.mark for p in kept], [p.solid for p in kept], FAMILY_COLOURS["panels"]
+        ),
         hub_layer([axis]),
     ]
     # Set down with its axis upright, as it would lie on a bench.

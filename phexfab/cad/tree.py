@@ -8,16 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from phexfab.errors import PartError
-from phexfab.fabrication.parts import Cylinder, Parts, Solid
+from phexfab.fabrication.parts import FAMILY_COLOURS, Cylinder, Parts, Solid
 
 Geometry = Solid | Cylinder
-
-COLOURS: dict[str, tuple[float, float, float]] = {
-    "panels": (0.85, 0.79, 0.64),
-    "beams": (0.33, 0.39, 0.45),
-    "nodes": (0.75, 0.35, 0.17),
-}
-"""Red, green, blue in 0…1 for each family."""
 
 _FORBIDDEN = frozenset("/@?")
 
@@ -59,4 +52,4 @@ def families(parts: Parts) -> tuple[Family, ...]:
             seen.add(mark)
     if len(seen) == len(members):
         raise PartError("there is no part to export; the shell has neither panels nor beams")
-    return tuple(Family(n, COLOURS[n], m) for n, m in members.items() if m)
+    return tuple(Family(n, FAMILY_COLOURS[n], m) for n, m in members.items() if m)

@@ -44,7 +44,7 @@ def nest(
     seconds : float
         Work for Sparrow, in seconds of a common machine; then the parts left are laid in rows.
         What is counted are steps, so the layout does not depend on the machine's speed; only
-        where the clock reaches five times as many seconds is the search cut short by it.
+        where the clock reaches half a minute and five times the seconds does it end the search.
     packer : {"spyrrow", "shelf"}
         ``"shelf"`` lays rows only: a fraction of a second, always the same.
     progress : callable, optional

@@ -13,6 +13,13 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+FAMILY_COLOURS: dict[str, tuple[float, float, float]] = {
+    "panels": (0.88, 0.83, 0.71),
+    "beams": (0.36, 0.43, 0.50),
+    "nodes": (0.78, 0.40, 0.20),
+}
+"""Red, green, blue in 0…1 of each family, in every model and picture."""
+
 
 @dataclass(frozen=True)
 class Material:

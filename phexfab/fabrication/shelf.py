@@ -217,14 +217,22 @@ def _build_row(pool: _Pool, bucket: int, length: float) -> _Row:
     """Fill a row from the pool, widest first, each part the way round that lies closer."""
     row = _Row()
     while True:
-        # A neighbour can slide under the last part, but never by more than its own width.
-        shape = pool.take(bucket, length - row.right)
-        if shape is None:
+        room = length - row.right
+        last = row.shapes[-1] if row.shapes else None
+        # Slanted ends may slide over one another: by what they lack to a rectangle, at both ends.
+        reach = 2 * (last.width - last.area / last.height) if last else 0.0
+        for width in (room + reach, room):
+            shape = pool.take(bucket, width)
+            if shape is None:
+                return row
+            ways = (shape, shape.reversed())
+            left, k = min((row.slide(way), k) for k, way in enumerate(ways))
+            if left + shape.width <= length + _TIGHT:
+                row.add(ways[k], left)
+                break
+            pool.give_back([shape])
+        else:
             return row
-        turned_round = shape.reversed()
-        lefts = [(row.slide(way), k, way) for k, way in enumerate((shape, turned_round))]
-        left, _, way = min(lefts, key=lambda item: item[:2])
-        row.add(way, left)
 
 
 @dataclass

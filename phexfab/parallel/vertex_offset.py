@@ -115,8 +115,8 @@ def inscribed_parallel(
     pairs = edges(mesh)
     used = np.unique(mesh.corners)
     _one_piece(pairs, used)
-    turned = _reflections_from_root(mesh, pairs, used)
     along = _unit_edges(mesh, pairs)
+    turned = _reflections_from_root(mesh, pairs, used)
     # Both ends as linear functions of the first vertex; an edge closes where they agree.
     tail, head = turned[pairs[:, 0]], turned[pairs[:, 1]]
     reflected = tail - 2 * along[:, :, None] * np.einsum("ei,eij->ej", along, tail)[:, None]

@@ -9,16 +9,13 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from phexfab.fabrication.parts import Node, Parts, Solid
+from phexfab.fabrication.parts import FAMILY_COLOURS, Node, Parts, Solid
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.report.triangulate import triangulate
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-PANEL_COLOUR = (0.88, 0.83, 0.71)
-BEAM_COLOUR = (0.36, 0.43, 0.50)
-NODE_COLOUR = (0.78, 0.40, 0.20)
 SPHERE_COLOUR = (0.88, 0.91, 0.95)
 
 
@@ -117,7 +114,7 @@ def hub_layer(nodes: Sequence[Node], facets: int = 14) -> Layer:
     return Layer(
         family="nodes",
         marks=tuple(n.mark for n in nodes),
-        colours=np.tile(np.array(NODE_COLOUR), (count, 1)),
+        colours=np.tile(np.array(FAMILY_COLOURS["nodes"]), (count, 1)),
         vertices=vertices,
         triangles=(one + shift).reshape(-1, 3),
         face=(label + 3 * np.arange(count)[:, None]).ravel(),
@@ -194,10 +191,10 @@ def assembly_layers(parts: Parts) -> tuple[Layer, ...]:
     layers = []
     if parts.panels:
         marks, solids = [p.mark for p in parts.panels], [p.solid for p in parts.panels]
-        layers.append(solid_layer("panels", marks, solids, PANEL_COLOUR))
+        layers.append(solid_layer("panels", marks, solids, FAMILY_COLOURS["panels"]))
     if parts.beams:
         marks, solids = [b.mark for b in parts.beams], [b.solid for b in parts.beams]
-        layers.append(solid_layer("beams", marks, solids, BEAM_COLOUR))
+        layers.append(solid_layer("beams", marks, solids, FAMILY_COLOURS["beams"]))
     if parts.nodes:
         layers.append(hub_layer(parts.nodes))
     return tuple(layers)

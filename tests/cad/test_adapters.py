@@ -8,8 +8,8 @@ from cad_samples import exact_volume, geometries, sample_parts
 
 from phexfab.cad.build123d import to_build123d
 from phexfab.cad.cadquery import phex_parts, solids, to_cadquery
-from phexfab.cad.tree import COLOURS
 from phexfab.errors import PartError, PhexError
+from phexfab.fabrication.parts import FAMILY_COLOURS
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_cadquery_assembly_is_a_tree_of_solids_named_by_mark(parts):
         assert type(leaf.obj) is cq.Solid
         assert leaf.obj.isValid()
         assert leaf.obj.Volume() == pytest.approx(exact_volume(exact[leaf.name]), rel=1e-10)
-        assert leaf.color.toTuple()[:3] == pytest.approx(COLOURS[leaf.parent.name], abs=1e-3)
+        assert leaf.color.toTuple()[:3] == pytest.approx(FAMILY_COLOURS[leaf.parent.name], abs=1e-3)
 
 
 def test_cadquery_solids_by_mark_and_family(parts, build):
@@ -101,7 +101,7 @@ def test_build123d_compound_is_a_labelled_coloured_tree(parts):
         assert type(leaf) is b3d.Solid
         assert leaf.is_valid
         assert leaf.volume == pytest.approx(exact_volume(exact[leaf.label]), rel=1e-10)
-        assert tuple(leaf.color)[:3] == pytest.approx(COLOURS[leaf.parent.label], abs=1e-3)
+        assert tuple(leaf.color)[:3] == pytest.approx(FAMILY_COLOURS[leaf.parent.label], abs=1e-3)
     assert compound.volume == pytest.approx(sum(map(exact_volume, exact.values())), rel=1e-10)
 
 

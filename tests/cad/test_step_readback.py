@@ -7,7 +7,7 @@ from xcaf_reader import read_leaves
 from phexfab.cad.brep import is_valid, volume
 from phexfab.cad.cadquery import to_cadquery
 from phexfab.cad.step import StepHeader, write_step
-from phexfab.cad.tree import COLOURS
+from phexfab.fabrication.parts import FAMILY_COLOURS
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_every_solid_is_valid_and_of_the_exact_volume(parts, ours):
 
 def test_colours_are_those_of_the_families(ours):
     for leaf in ours[1]:
-        assert leaf.colour == pytest.approx(COLOURS[leaf.path[1]], abs=2e-3)
+        assert leaf.colour == pytest.approx(FAMILY_COLOURS[leaf.path[1]], abs=2e-3)
 
 
 def test_no_complaint_while_loading(parts, tmp_path):

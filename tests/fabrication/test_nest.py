@@ -141,7 +141,7 @@ def test_where_the_packer_fails_the_parts_lie_in_rows_and_a_note_says_so(monkeyp
 
 def test_a_part_larger_than_the_sheet_is_refused_with_its_sizes():
     with pytest.raises(
-        NestingError, match=r"P007 needs 1200\.0 × 692\.8 mm.*1000 × 800 mm.*larger"
+        NestingError, match=r"P007 needs 1200\.0 × 1039\.2 mm.*1000 × 800 mm.*larger"
     ):
         nest([part("P006", hourglass(100)), part("P007", turn(hourglass(400) * 1.5, 20))], SMALL)
     just = np.array([(0, 0), (980, 0), (980, 780), (0, 780)], float)
@@ -290,16 +290,17 @@ def test_a_layout_survives_json_and_is_used_again_only_while_nothing_has_changed
 
 def test_the_kept_layout_itself_is_taken_not_a_new_one():
     flats = panels(3, 90, 120, 1)
-    first = nest_all(flats, SMALL, packer="shelf")
-    mark = first.sheets[0].placements[0].mark
+    stock = Stock(3000.0, 800.0)
+    first = nest_all(flats, stock, packer="shelf")
+    mark = max(first.sheets[0].placements, key=lambda p: p.x).mark
     data = json.loads(layout_to_json(first))
     assert len(first.sheets) == 1
     # Slide one part to the far side of the sheet by hand: a shop may do so, if it stays sound.
     away = json.dumps({**data, "sheets": [_slid(data["sheets"][0], mark, 600.0)]})
-    kept = nest_all(flats, SMALL, packer="shelf", previous=away)
+    kept = nest_all(flats, stock, packer="shelf", previous=away)
     assert kept.reused and kept.sheets != first.sheets
     spoiled = json.dumps({**data, "sheets": [_slid(data["sheets"][0], mark, 6000.0)]})
-    anew = nest_all(flats, SMALL, packer="shelf", previous=spoiled)
+    anew = nest_all(flats, stock, packer="shelf", previous=spoiled)
     assert not anew.reused and anew.sheets == first.sheets
     assert len(anew.notes) == 1 and mark in anew.notes[0]
 

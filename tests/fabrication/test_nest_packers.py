@@ -80,20 +80,20 @@ def run(contours, height, target, **change):
 
 def test_a_strip_that_fits_is_sound_and_the_same_every_time():
     contours = [flat.outline for flat in panels(8, 90, 200, 5)]
-    job = run(contours, 800.0, 1100.0)
+    job = run(contours, 800.0, 1250.0)
     first, second = pack_strips([job, job], 60.0)
     assert first == second and first.error == ""
-    assert first.length <= 1100.0 and sorted(k for k, *_ in first.spots) == list(range(8))
+    assert first.length <= 1250.0 and sorted(k for k, *_ in first.spots) == list(range(8))
     assert {angle for _, angle, _, _ in first.spots} <= {0.0, 180.0}
     polygons = laid(contours, first.spots)
     assert overlap(polygons) < 1e-2  # single precision
     x0, y0, x1, y1 = shapely.total_bounds(polygons)
-    assert min(x0, y0) > -1e-2 and x1 < 1100.01 and y1 < 800.01
+    assert min(x0, y0) > -1e-2 and x1 < 1250.01 and y1 < 800.01
 
 
 def test_other_seeds_give_other_layouts():
     contours = [flat.outline for flat in panels(8, 90, 200, 5)]
-    a, b = pack_strips([run(contours, 800.0, 1100.0, seed=s) for s in (0, 1)], 60.0)
+    a, b = pack_strips([run(contours, 800.0, 1250.0, seed=s) for s in (0, 1)], 60.0)
     assert a.spots != b.spots
 
 

