@@ -105,6 +105,9 @@ def write_sheet(
     with _fixed_meta_data():
         drawing = ezdxf.new(version, units=0 if version == "R12" else _MILLIMETRES)
         _draw(drawing, sheet, flats, meta, marks)
+        # ezdxf adds classes in the order of a set, which differs from process to process.
+        for name in sorted(drawing.entitydb.dxf_types_in_use()):
+            drawing.classes.add_class(name)
         try:
             drawing.saveas(fresh)
             _read_back(fresh, sheet, flats)

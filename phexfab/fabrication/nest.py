@@ -16,7 +16,7 @@ import numpy as np
 
 from phexfab.errors import NestingError
 from phexfab.fabrication.layout import Nest, fingerprint, layout_from_json, verify_layout
-from phexfab.fabrication.packjob import Job, all_bars, prepare, rows, rows_by_sheet
+from phexfab.fabrication.packjob import CLEAR, Job, all_bars, prepare, rows, rows_by_sheet
 from phexfab.fabrication.parts import FlatPart, Material, Placement, Sheet, Stock
 from phexfab.fabrication.search import Progress, Sparrow, search
 from phexfab.fabrication.shelf import Spot
@@ -207,7 +207,7 @@ def _stem(parts: Sequence[FlatPart], material: Material, thickness: float) -> st
 
 def _sheets(job: Job, layout: list[list[Spot]]) -> tuple[Sheet, ...]:
     """Turn spots of grown contours in the free rectangle into placements on stock sheets."""
-    corner = job.stock.margin - job.stock.spacing / 2
+    corner = job.stock.margin - job.stock.spacing / 2 - CLEAR
     part = job.parts[0]
     return tuple(
         Sheet(
@@ -218,9 +218,9 @@ def _sheets(job: Job, layout: list[list[Spot]]) -> tuple[Sheet, ...]:
             tuple(
                 Placement(
                     job.parts[i].mark,
-                    round(angle % 360.0, 6) % 360.0,
-                    round(x + corner, 4),
-                    round(y + corner, 4),
+                    round(angle % 360.0, 9) % 360.0,
+                    round(x + corner, 7),
+                    round(y + corner, 7),
                 )
                 for i, angle, x, y in spots
             ),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from phexfab.errors import NestingError
 from phexfab.fabrication.parts import FlatPart, Stock
-from phexfab.fabrication.shelf import Spot, pack_rows, resting_angle, turned
+from phexfab.fabrication.shelf import FIT, Spot, pack_rows, resting_angle, turned
 
 if TYPE_CHECKING:
     import shapely
@@ -56,8 +56,7 @@ def prepare(parts: Sequence[FlatPart], stock: Stock) -> Job:
             raise NestingError(f"{part.mark}: the outline reaches beyond the blank")
         turn = resting_angle(np.asarray(part.blank, float))
         size = np.ptp(turned(np.asarray(part.blank, float), turn), axis=0)
-        need = size + 2 * CLEAR
-        if not (np.all(need <= free) or np.all(need[::-1] <= free)):
+        if not (np.all(size <= free + FIT) or np.all(size[::-1] <= free + FIT)):
             raise NestingError(
                 f"{part.mark} needs {size[0]:.1f} × {size[1]:.1f} mm but the sheet is "
                 f"{stock.length:g} × {stock.width:g} mm with a margin of {stock.margin:g} mm; "
@@ -69,7 +68,7 @@ def prepare(parts: Sequence[FlatPart], stock: Stock) -> Job:
         contours.append(points if ring.is_ccw else points[::-1])
         turns.append(turn)
     areas = np.array([shapely.Polygon(contour).area for contour in contours])
-    length, width = (float(v) + stock.spacing for v in free)
+    length, width = (float(v) + 2 * grow for v in free)
     return Job(tuple(parts), stock, tuple(contours), tuple(turns), areas, length, width)
 
 
@@ -106,7 +105,7 @@ def rows(job: Job, chosen: IntArray, limit: int | None = None) -> list[list[Spot
             contours, turns = [], []
             for k in chosen:
                 box = np.ptp(turned(job.contours[k], job.turns[k] + across), axis=0)
-                fits = box[0] <= room[0] + 1e-9 and box[1] <= room[1] + 1e-9
+                fits = box[0] <= room[0] + FIT and box[1] <= room[1] + FIT
                 contours.append(job.contours[k])
                 turns.append(job.turns[k] + (across if fits else 90.0 - across))
             sheets = pack_rows(contours, turns, *room, limit=limit)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from phexfab.fabrication.packjob import IntArray, Job, rows
+from phexfab.fabrication.packjob import CLEAR, IntArray, Job, rows
 from phexfab.fabrication.shelf import Spot, turned
 from phexfab.fabrication.strip import StripRun, pack_strips
 
@@ -55,11 +55,13 @@ class Sparrow:
             return [[] for _ in trials]
         job = self.job
         left = self.seconds - self.spent
+        # Rows may use the last micrometre of the sheet, single precision may not.
+        length, width = job.length - 2 * CLEAR, job.width - 2 * CLEAR
         runs = [
             StripRun(
                 tuple(turned(job.contours[k], job.turns[k] + along) for k in parts),
-                job.width,
-                job.length,
+                width,
+                length,
                 _HALF,
                 self.seed + seed,
                 int(left / (_REPORT_COST * len(parts))),
@@ -72,10 +74,10 @@ class Sparrow:
         costs = []
         for slot, layout in enumerate(layouts):
             parts, along, _ = trials[slot]
-            fits = layout.length <= job.length
+            fits = layout.length <= length
             if fits:
                 answers[slot] = [
-                    (int(parts[k]), job.turns[int(parts[k])] + along + angle, x, y)
+                    (int(parts[k]), job.turns[int(parts[k])] + along + angle, x + CLEAR, y + CLEAR)
                     for k, angle, x, y in layout.spots
                 ]
             costs.append(len(parts) * (_REPORT_COST * layout.reports + _STUCK_COST * (not fits)))

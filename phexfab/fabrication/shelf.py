@@ -31,6 +31,7 @@ _SAME_HEIGHT = 0.03  # rows mix parts whose heights differ by no more than this 
 _OFFSETS = 8  # starts tried for a row, over one pitch
 _RECTANGULAR = 0.93  # share of its rectangle above which a part has nothing to interlock with
 _TIGHT = 1e-9
+FIT = 2e-7  # mm by which a part may be too large and still fit: rounding
 
 
 def turned(contour: FloatArray, angle: float) -> FloatArray:
@@ -217,7 +218,7 @@ def _build_row(pool: _Pool, bucket: int, length: float) -> _Row:
     """Fill a row from the pool, widest first, each part the way round that lies closer."""
     row = _Row()
     while True:
-        room = length - row.right
+        room = length - row.right + FIT
         last = row.shapes[-1] if row.shapes else None
         # Slanted ends may slide over one another: by what they lack to a rectangle, at both ends.
         reach = 2 * (last.width - last.area / last.height) if last else 0.0
@@ -227,7 +228,7 @@ def _build_row(pool: _Pool, bucket: int, length: float) -> _Row:
                 return row
             ways = (shape, shape.reversed())
             left, k = min((row.slide(way), k) for k, way in enumerate(ways))
-            if left + shape.width <= length + _TIGHT:
+            if left + shape.width <= length + FIT:
                 row.add(ways[k], left)
                 break
             pool.give_back([shape])
@@ -323,7 +324,7 @@ def pack_rows(
     while bucket is not None:
         row = _build_row(pool, bucket, length)
         kept, start, rise = _settle(stack, row, length, interlock)
-        if rise + kept.height <= width + _TIGHT:
+        if rise + kept.height <= width + FIT:
             stack.add(kept, start, rise)
             pool.give_back(row.shapes[len(kept.shapes) :])
             bucket = pool.tallest()

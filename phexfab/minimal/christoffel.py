@@ -309,7 +309,9 @@ def split_dual(mesh: PolyMesh, cut: int | None = None) -> SplitDual:
     against = np.pi * (sign[f] * sign[g] * factors[one] * factors[two] < 0)
     residuals[one] = residuals[two] = np.hypot(np.abs(logs[f] - logs[g] + gap), against)
     edges = (factors * (sign * np.exp(logs))[owner])[:, None] * edge_vectors(mesh)
-    edges *= np.linalg.norm(edge_vectors(mesh), axis=1).mean() / np.linalg.norm(edges, axis=1).mean()
+    edges *= (
+        np.linalg.norm(edge_vectors(mesh), axis=1).mean() / np.linalg.norm(edges, axis=1).mean()
+    )
     used, place = np.unique(mesh.corners, return_inverse=True)
     tail, head = place, place[mesh.next_corner]
     rows = np.arange(len(tail))

@@ -103,9 +103,7 @@ def principal_curvatures(
     first = np.where(h >= 0, large, small)
     second = np.where(h >= 0, small, large)
     return (
-        np.column_stack(
-            [np.where(real, first, h + root), np.where(real, second, h - root)]
-        ),
+        np.column_stack([np.where(real, first, h + root), np.where(real, second, h - root)]),
         real,
     )
 

@@ -209,7 +209,7 @@ def deform(
     *,
     lower: float | None = None,
 ) -> Deformation:
-    """Pull some vertices to targets inside P(M); the edges change their lengths as little as can be.
+    """Pull some vertices to targets inside P(M), changing the edges' lengths as little as can be.
 
     Parameters
     ----------
@@ -252,18 +252,20 @@ def deform(
     # Without handles translations are free: a whisper of the displacement itself holds them.
     soft = ratio.T @ ratio + 1e-10 * (basis.T @ basis) / scale**2
     stiff = 1e4
-    quadratic = (soft + stiff * (handles.T @ handles)).tocsc()
-    if lower is not None:
-        coordinates = _bounded(_lifted(quadratic), stiff * handles.T @ step, ratio, lower)
-    else:
-        factor = factorise(_lifted(quadratic))
-        coordinates, pull = np.zeros(space.dimension), np.zeros(len(step))
-        for _ in range(30):  # augmented Lagrangian: the pull grows until the targets are reached
-            coordinates = factor.solve(handles.T @ (stiff * step + pull))
-            rest = step - handles @ coordinates
-            pull = pull + stiff * rest
-            if float(np.abs(rest).max(initial=0.0)) < 1e-13:
-                break
+    quadratic = _lifted(soft + stiff * (handles.T @ handles))
+    factor = factorise(quadratic)
+    coordinates, pull, least = np.zeros(space.dimension), np.zeros(len(step)), np.inf
+    for _ in range(30):  # augmented Lagrangian: the pull grows until the targets are reached
+        linear = handles.T @ (stiff * step + pull)
+        if lower is None:
+            coordinates = factor.solve(linear)
+        else:
+            coordinates = _bounded(quadratic, linear, ratio, lower)
+        rest = step - handles @ coordinates
+        size = float(np.abs(rest).max(initial=0.0))
+        if size < 1e-13 or (lower is not None and not size < 0.9 * least):
+            break
+        pull, least = pull + stiff * rest, size
     moved = space.member(coordinates)
     return Deformation(
         moved, np.linalg.norm(moved.vertices[index] - wish, axis=1), ratios(space.mesh, moved)

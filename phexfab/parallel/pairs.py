@@ -229,9 +229,7 @@ def offset_pair(mesh: PolyMesh, gauss: PolyMesh, distance: float) -> PolyMesh:
     return PolyMesh(mesh.vertices + distance * gauss.vertices, mesh.corners, mesh.starts)
 
 
-def gauss_from_pair(
-    mesh: PolyMesh, offset: PolyMesh, distance: float | None = None
-) -> PolyMesh:
+def gauss_from_pair(mesh: PolyMesh, offset: PolyMesh, distance: float | None = None) -> PolyMesh:
     """Return the Gauss image S = (M′ − M)/d of an offset pair.
 
     Parameters

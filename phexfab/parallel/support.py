@@ -235,8 +235,8 @@ def support_angles(mesh: PolyMesh, gauss: PolyMesh) -> tuple[IntArray, FloatArra
     pairs : (E', 2) int
         Faces (left, right) of every edge with two faces, in the order of the left face's corners.
     angles : (E', 2) float
-        Degrees by which the quad leans towards the left and the right face's normal: the angle
-        of the normal to the quad's plane, signed so that the sum is the bend.
+        Degrees between the quad's plane and the left and right face's normal; positive on ridges,
+        negative in valleys, seen from the tip of the normals.
     """
     _same(mesh, gauss)
     n = len(mesh.vertices)
@@ -251,7 +251,7 @@ def support_angles(mesh: PolyMesh, gauss: PolyMesh) -> tuple[IntArray, FloatArra
     along = _unit(mesh.vertices[head[corner]] - mesh.vertices[tail[corner]])
     s = gauss.vertices[tail[corner]]
     upright = _unit(s - np.einsum("ij,ij->i", s, along)[:, None] * along)
-    across = np.cross(along, upright)  # points into the left face's side
+    across = np.cross(upright, along)  # to the left face's side
     lean = np.column_stack(
         [
             np.arctan2(
@@ -261,7 +261,6 @@ def support_angles(mesh: PolyMesh, gauss: PolyMesh) -> tuple[IntArray, FloatArra
             for f in (left, right)
         ]
     )
-    # The bend is the turn from the right normal to the left one; each part counts from the quad.
     return np.column_stack([left, right]), np.degrees(lean * np.array([1.0, -1.0]))
 
 

@@ -108,16 +108,14 @@ def _onto_sphere(
 ) -> tuple[PolyMesh, int]:
     """Return the mesh of the wanted type with planar faces near a start, and the steps taken."""
     n_v, n_f = len(start.vertices), start.n_faces
-    height = np.einsum(
-        "ij,ij->i", start.vertices[start.corners], normals[start.face_of_corner]
-    )
+    height = np.einsum("ij,ij->i", start.vertices[start.corners], normals[start.face_of_corner])
     heights = np.add.reduceat(height, start.starts[:-1]) / start.sides
     x0 = np.concatenate([start.vertices.ravel(), normals.ravel(), heights])
     # Corners count; normals and heights follow them, with just enough weight to be determined.
     inertia = np.concatenate([np.ones(3 * n_v), np.full(4 * n_f, 1e-2)])
-    pairs, x = edges(start), x0
+    pairs, x, taken = edges(start), x0, 0
     least, best, stalled = np.inf, x0, 0
-    for taken in range(steps + 1):
+    for _ in range(steps + 1):
         miss, jacobian = _constraints(start, pairs, kind, x)
         size = float(np.abs(miss).max())
         stalled = stalled + 1 if size > least / 2 else 0
@@ -130,6 +128,7 @@ def _onto_sphere(
             [[sp.diags(inertia), jacobian.T], [jacobian, -1e-12 * sp.eye(n)]], format="csc"
         )
         right = np.concatenate([inertia * (x0 - x), -miss])
+        taken += 1
         x = x + factorise(system).solve(right)[: len(x)]
     if least > 1e-10:
         raise SolveError(
@@ -172,16 +171,12 @@ def _constraints(
         parts.append(block(s, np.arange(n_v), 0))
     elif kind == "face":
         misses.append(heights - 1)
-        parts.append(
-            sp.csr_matrix((np.ones(n_f), (all_f, begin_h + all_f)), shape=(n_f, columns))
-        )
+        parts.append(sp.csr_matrix((np.ones(n_f), (all_f, begin_h + all_f)), shape=(n_f, columns)))
     else:
         i, j = pairs.T
         along = s[j] - s[i]
         place = -np.einsum("ij,ij->i", s[i], along) / np.einsum("ij,ij->i", along, along)
         foot = s[i] + place[:, None] * along
         misses.append((np.einsum("ij,ij->i", foot, foot) - 1) / 2)
-        parts.append(
-            block((1 - place)[:, None] * foot, i, 0) + block(place[:, None] * foot, j, 0)
-        )
+        parts.append(block((1 - place)[:, None] * foot, i, 0) + block(place[:, None] * foot, j, 0))
     return np.concatenate(misses), sp.vstack(parts, format="csr")

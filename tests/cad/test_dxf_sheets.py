@@ -1,5 +1,10 @@
 """DXF sheets, read back: closed contours, exact edges, layers, the same bytes."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import ezdxf
 import numpy as np
 import pytest
@@ -107,6 +112,25 @@ def test_the_same_sheet_gives_the_same_bytes(tmp_path):
         second = write_sheet(SHEETS[0], FLATS, tmp_path / f"2{version}.dxf", META, version=version)
         assert first.read_bytes() == second.read_bytes()
     assert not ezdxf.options.write_fixed_meta_data_for_testing
+
+
+def test_the_same_sheet_gives_the_same_bytes_in_another_process(tmp_path):
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import test_dxf_sheets as t;"
+        "t.write_sheet(t.SHEETS[0], t.FLATS, sys.argv[2], t.META)"
+    )
+    written = []
+    for seed in ("1", "2", "3"):
+        path = tmp_path / f"{seed}.dxf"
+        here = str(Path(__file__).parent)
+        root = str(Path(__file__).parents[2])
+        subprocess.run(
+            [sys.executable, "-c", code, here, str(path)],
+            check=True,
+            env=os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": root},
+        )
+        written.append(path.read_bytes())
+    assert written[0] == written[1] == written[2]
 
 
 def test_names_carry_project_material_thickness_quantity_and_revision():

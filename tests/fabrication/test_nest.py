@@ -145,9 +145,11 @@ def test_a_part_larger_than_the_sheet_is_refused_with_its_sizes():
     ):
         nest([part("P006", hourglass(100)), part("P007", turn(hourglass(400) * 1.5, 20))], SMALL)
     just = np.array([(0, 0), (980, 0), (980, 780), (0, 780)], float)
-    assert len(nest([part("P001", just - [0, 0.01] * (just > 700))], SMALL)) == 1
+    for degrees in (0.0, 90.0, 20.0):  # exactly the room inside the margin
+        flats = [part("P001", turn(just, degrees))]
+        assert_sound(nest(flats, SMALL), flats)
     with pytest.raises(NestingError, match="P001"):
-        nest([part("P001", just * 1.001)], SMALL)
+        nest([part("P001", just * 1.000001)], SMALL)
 
 
 @pytest.mark.parametrize(

@@ -106,13 +106,20 @@ def test_one_handle_only_moves_the_mesh():
 
 def test_handles_stop_at_the_bound():
     mesh = space().mesh
-    held = np.array([0, 30])
-    wish = mesh.vertices[held] + [[0, 0, 0], [0, 0, 600]]
-    assert deform(space(), held, wish).ratios.min() < 0.3
-    bound = deform(space(), held, wish, lower=0.3)
-    assert bound.ratios.min() > 0.3 - 1e-9
-    assert bound.miss.max() > 1
-    assert worst_edge(mesh, bound.mesh)[0] < 1e-11
+    i, j = edges(mesh)[60]
+    here = mesh.vertices
+    far = (np.array([0, 30]), here[[0, 30]] + [[0, 0, 0], [0, 0, 600]], True)
+    # Both ends of an edge in one point: only an edge of ratio 0 gets there.
+    shut = (np.array([i, j]), (here[[i, i]] + here[[j, j]]) / 2, False)
+    for held, wish, reached in (far, shut):
+        free = deform(space(), held, wish)
+        bound = deform(space(), held, wish, lower=0.3)
+        assert free.ratios.min() < 0.3 and free.miss.max() < 1e-6
+        assert bound.ratios.min() > 0.3 - 1e-9
+        assert worst_edge(mesh, bound.mesh)[0] < 1e-11
+        assert (bound.miss.max() < 1e-3) == reached
+    half = np.linalg.norm(here[j] - here[i]) / 2
+    assert bound.miss == pytest.approx([0.3 * half, 0.3 * half], rel=1e-3)
 
 
 def test_ratios_are_those_of_the_edges():

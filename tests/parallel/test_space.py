@@ -67,7 +67,9 @@ def quads(n, dent=0.0):
 def dodecahedron():
     """A closed simple mesh: the dual of the icosahedron, corners ordered about each face."""
     g = (1 + 5**0.5) / 2
-    tips = np.array([p for a in (-1, 1) for b in (-g, g) for p in ((0, a, b), (a, b, 0), (b, 0, a))])
+    tips = np.array(
+        [p for a in (-1, 1) for b in (-g, g) for p in ((0, a, b), (a, b, 0), (b, 0, a))]
+    )
     near = [
         [i, j, k]
         for i in range(12)
@@ -207,8 +209,12 @@ def test_offset_pairs_compose_and_tell_what_they_are(kind):
         assert found.spreads[kind] < 1e-12 and found.sine < 1e-10
         assert min(found.spreads[k] for k in KINDS if k != kind) > 1e-4
         assert np.abs(gauss_from_pair(mesh, once).vertices - gauss.vertices).max() < 1e-12
-    assert np.abs(gauss_from_pair(gauss, offset_pair(gauss, gauss, 0.5), 0.5).vertices
-                  - gauss.vertices).max() < 1e-12
+    assert (
+        np.abs(
+            gauss_from_pair(gauss, offset_pair(gauss, gauss, 0.5), 0.5).vertices - gauss.vertices
+        ).max()
+        < 1e-12
+    )
     with pytest.raises(OffsetLimitError, match=r"edge \d+-\d+ would flip; keep the distance"):
         offset_pair(mesh, gauss, 1.001 * high)
     assert ratios(mesh, offset_pair(mesh, gauss, 0.999 * high)).min() > 0
@@ -260,7 +266,8 @@ def test_faces_at_the_border_can_become_border_planes():
 def test_without_a_gauss_image_faces_touch_the_sphere():
     again = shell_of_mesh(shell("edge").mesh)
     height = np.einsum(
-        "ij,ij->i", again.gauss.vertices[again.gauss.corners[again.gauss.starts[:-1]]],
+        "ij,ij->i",
+        again.gauss.vertices[again.gauss.corners[again.gauss.starts[:-1]]],
         again.normals[again.panels],
     )
     assert np.abs(height - 1).max() < 1e-12
