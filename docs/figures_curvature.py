@@ -36,14 +36,12 @@ def curvature_figure() -> None:
     m, s = flat(shell.mesh), 230.0 * flat(shell.gauss)
     for axes, polygon, title in ((one, m, "a face of M"), (two, s, "its face of S")):
         axes.fill(*polygon.T, fc="#f0e6d2" if axes is one else "#d8e2ea", ec=INK, lw=1.2)
-        axes.set(aspect="equal", title=title)
+        axes.set(aspect="equal")
+        axes.set_title(title, fontsize=9)
         axes.axis("off")
     for d in (-60.0, 60.0):
         ring = m + d / 230.0 * s
         one.plot(*np.vstack([ring, ring[:1]]).T, "--", lw=1, color=ACCENT)
-    below = min(one.get_ylim()[0], two.get_ylim()[0])
-    one.text(0, below, "dashed: M + d·S, d = ±60 mm", ha="center", fontsize=8, color=ACCENT)
-    two.text(0, below, "vanishing mixed area: H = 0", ha="center", fontsize=8)
     for name, colour in (("enneper", ACCENT), ("catenoid", INK)):
         made = surface(name).scaled(1000.0)
         steps = 0.16 / 2.0 ** np.arange(5)
@@ -113,9 +111,9 @@ def christoffel_figure() -> None:
                 polygons, facecolors=np.clip(base * light[:, None], 0, 1), edgecolors=INK, lw=0.4
             )
         )
-        reach = np.abs(points).max() * 0.62
+        reach = np.abs(points).max() * 0.72
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-reach, reach))
-        axes.set_box_aspect((1, 1, 1))
+        axes.set_box_aspect((1, 1, 1), zoom=1.45)
         axes.view_init(18, -60)
         axes.set_axis_off()
         axes.set_title(f"θ = {angle:g}°", fontsize=9)

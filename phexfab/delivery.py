@@ -46,6 +46,7 @@ CONTENTS = frozenset(
         LAYOUT,
     }
 )
+DESKTOP_FILES = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})  # left by file managers
 LIBRARIES = (
     "phexfab", "numpy", "scipy", "shapely", "manifold3d", "ezdxf", "spyrrow", "matplotlib",
     "cadquery", "cadquery-ocp", "build123d",
@@ -74,7 +75,8 @@ def _refuse_foreign(target: Path) -> None:
         return
     if not target.is_dir():
         raise DesignError(f"{target} is a file; name a folder for the output")
-    foreign = sorted(path.name for path in target.iterdir() if path.name not in CONTENTS)
+    known = CONTENTS | DESKTOP_FILES
+    foreign = sorted(path.name for path in target.iterdir() if path.name not in known)
     if foreign:
         raise DesignError(
             f"{target} holds {foreign[0]}, which no build wrote, and a build replaces the whole "
@@ -99,7 +101,7 @@ def _swap(fresh: Path, target: Path, old: Path) -> None:
 def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
     design, parts, shell = built.design, built.parts, built.shell
     say("nesting", 0, 0)
-    flats, sheets, layouts = _nest(built, before, say)
+    flats, sheets, layouts, notes = _nest(built, before, say)
     say("solids", 0, 0)
     invalid = verify_solids(parts)
     if invalid:
@@ -134,6 +136,7 @@ def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
             parts=parts,
             sheets=tuple(sheets),
             engraving=lines,
+            notes=tuple(notes),
             checks=built.checks,
             figures=figures,
             histograms=_histograms(built),
@@ -146,7 +149,7 @@ def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
 
 def _nest(
     built: Build, before: Path, say: Progress
-) -> tuple[dict[str, FlatPart], list[Sheet], dict[str, Any]]:
+) -> tuple[dict[str, FlatPart], list[Sheet], dict[str, Any], list[str]]:
     """Nest both families; layouts of the last build serve again where nothing has changed."""
     asked = built.design.nesting
     kept: Mapping[str, Any] = {}
@@ -158,6 +161,7 @@ def _nest(
     flats: dict[str, FlatPart] = {}
     sheets: list[Sheet] = []
     layouts: dict[str, Any] = {}
+    notes: list[str] = []
     for family, made in (("panels", built.parts.panels), ("beams", built.parts.beams)):
         own = {part.mark: part.flat for part in made}
         if not own:
@@ -174,8 +178,9 @@ def _nest(
         )
         layouts[family] = json.loads(layout_to_json(nested))
         sheets += nested.sheets
+        notes += nested.notes
         flats |= own
-    return flats, sheets, layouts
+    return flats, sheets, layouts, notes
 
 
 def _sheet_figures(

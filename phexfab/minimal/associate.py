@@ -1,7 +1,7 @@
 """The conjugate of a discrete minimal surface, and its associate family.
 
-Let M be parallel to S and ``Δm = m_j − m_i``. Because Δs is parallel to Δm, ``s_i × Δm`` is the same
-from both ends of an edge. Around a face with normal n, in a plane of S at height h,
+Let M be parallel to S and ``Δm = m_j − m_i``. Because Δs is parallel to Δm, ``s_i × Δm`` is the
+same from both ends of an edge. Around a face with normal n, in a plane of S at height h,
 
     Σ s_i × Δm  =  h n × Σ Δm  +  2 area(M_f, S_f) n  =  2 area(M_f, S_f) n,
 

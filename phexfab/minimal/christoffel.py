@@ -282,13 +282,13 @@ def split_dual(mesh: PolyMesh, cut: int | None = None) -> SplitDual:
     factors = split_coefficients(mesh, cut)
     twin = twin_corners(mesh)
     owner = mesh.face_of_corner
-    one = np.flatnonzero(twin > np.arange(len(twin)))
-    two = twin[one]
-    f, g = owner[one], owner[two]
+    left = np.flatnonzero(twin > np.arange(len(twin)))
+    right = twin[left]
+    f, g = owner[left], owner[right]
     # Flip each face so that signs agree along a tree of faces, beginning with face 0.
     order, parent = _face_tree(mesh.n_faces, np.r_[f, g], np.r_[g, f])
     relation = sp.csr_matrix(
-        (np.tile(np.sign(factors[one] * factors[two]), 2), (np.r_[f, g], np.r_[g, f])),
+        (np.tile(np.sign(factors[left] * factors[right]), 2), (np.r_[f, g], np.r_[g, f])),
         shape=(mesh.n_faces, mesh.n_faces),
     )
     up = np.sign(np.asarray(relation[parent[order[1:]], order[1:]]).ravel())
@@ -298,16 +298,16 @@ def split_dual(mesh: PolyMesh, cut: int | None = None) -> SplitDual:
     if cut is not None and sign[0] * factors[np.argmax(edge_classes(mesh) == cut % 3)] < 0:
         sign = -sign
     # Least squares for the log scales, one of which is free.
-    gap = np.log(np.abs(factors[one])) - np.log(np.abs(factors[two]))
-    rows = np.arange(len(one))
+    gap = np.log(np.abs(factors[left])) - np.log(np.abs(factors[right]))
+    rows = np.arange(len(left))
     difference = sp.csr_matrix(
-        (np.r_[np.ones(len(one)), -np.ones(len(one))], (np.r_[rows, rows], np.r_[f, g])),
-        shape=(len(one), mesh.n_faces),
+        (np.r_[np.ones(len(left)), -np.ones(len(left))], (np.r_[rows, rows], np.r_[f, g])),
+        shape=(len(left), mesh.n_faces),
     )
     logs = _pinned(difference, -gap)
     residuals = np.zeros(len(factors))
-    against = np.pi * (sign[f] * sign[g] * factors[one] * factors[two] < 0)
-    residuals[one] = residuals[two] = np.hypot(np.abs(logs[f] - logs[g] + gap), against)
+    against = np.pi * (sign[f] * sign[g] * factors[left] * factors[right] < 0)
+    residuals[left] = residuals[right] = np.hypot(np.abs(logs[f] - logs[g] + gap), against)
     edges = (factors * (sign * np.exp(logs))[owner])[:, None] * edge_vectors(mesh)
     edges *= (
         np.linalg.norm(edge_vectors(mesh), axis=1).mean() / np.linalg.norm(edges, axis=1).mean()

@@ -228,7 +228,8 @@ def support_angles(mesh: PolyMesh, gauss: PolyMesh) -> tuple[IntArray, FloatArra
     """Return the inner edges and by how much their quads miss a right angle to both faces.
 
     The two angles of an edge add up to the bend between its faces. For a face-type S they are
-    equal; for the others their cosines are as the heights of S's two faces.
+    equal, and no plane through the edge does better for both; for the others their cosines are as
+    the heights of S's two faces.
 
     Returns
     -------

@@ -29,6 +29,8 @@ class ReportData:
     sheets : tuple of Sheet
     engraving : mapping of mark to polylines
         Each polyline is a (k, 2) array in the coordinates of the part's flat pattern, mm.
+    notes : tuple of str
+        What a reader of the sheets should know, such as a nest that was cut short.
     checks : tuple of CheckResult
     figures : mapping of name to (value, unit)
         Key figures, listed in the order given.
@@ -45,6 +47,7 @@ class ReportData:
     parts: Parts
     sheets: tuple[Sheet, ...] = ()
     engraving: Mapping[str, Sequence[FloatArray]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     checks: tuple[CheckResult, ...] = ()
     figures: Mapping[str, tuple[float | int | str, str]] = field(default_factory=dict)
     histograms: Mapping[str, tuple[FloatArray, str]] = field(default_factory=dict)

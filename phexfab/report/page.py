@@ -193,11 +193,12 @@ def _sheets(data: ReportData) -> str:
         return ""
     cut: tuple[Panel | Beam, ...] = (*data.parts.panels, *data.parts.beams)
     flats = {part.mark: part.flat for part in cut}
+    notes = "".join(f"<p>{escape(note)}</p>" for note in data.notes)
     drawings = "".join(sheet_drawing(sheet, flats, data.engraving) for sheet in data.sheets)
     return (
         '<section><h2>Sheets</h2><p class="lead">Contours to cut in black, engraving in red, '
         "as in the DXF files. Click a sheet to enlarge it.</p>"
-        f'<div class="sheets">{drawings}</div></section>\n'
+        f'{notes}<div class="sheets">{drawings}</div></section>\n'
     )
 
 

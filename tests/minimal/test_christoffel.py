@@ -219,7 +219,8 @@ def test_members_of_the_dual_space_are_minimal(kind):
     assert is_discrete_minimal(member, shell.gauss, 1e-9)
     sum_of = sum(h * space.member(k).vertices for k, h in enumerate(border))
     assert np.abs(member.vertices - sum_of).max() < 1e-9 * np.abs(sum_of).max()
-    moved = PolyMesh(shell.mesh.vertices + [1.0, -2.0, 3.0], shell.mesh.corners, shell.mesh.starts)
+    shift = np.array([1.0, -2.0, 3.0])
+    moved = PolyMesh(shell.mesh.vertices + shift, shell.mesh.corners, shell.mesh.starts)
     again = space.mesh(space.border_heights(moved))
     assert np.abs(again.vertices - moved.vertices).max() < 1e-9
 

@@ -57,6 +57,7 @@ def sample():
             "constant": (np.full(5, 3.0), "deg"),
             "nothing": (np.zeros(0), "mm"),
         },
+        notes=("the clock <ran> out",),
         versions={"phexfab": "0.1.0"},
         design_text="title = \"x\" # <script>alert('no')</script>",
     )

@@ -49,6 +49,7 @@ def test_text_from_outside_stays_text():
     assert page().said("h1") == EVIL
     assert sample().design_text in page().said("pre")
     assert "<i>heavy</i>" in page().said("td")
+    assert "the clock <ran> out" in page().said("p")
     kinds = [tag for tag, _ in page().elements]
     assert kinds.count("script") == 2
     assert not [a for _, attrs in page().elements for a in attrs if a.startswith("on")]
