@@ -34,7 +34,10 @@ def curvature_figure() -> None:
         return (polygon - polygon.mean(axis=0)) @ frame
 
     m, s = flat(shell.mesh), 230.0 * flat(shell.gauss)
-    for axes, polygon, title in ((one, m, "a face of M"), (two, s, "its face of S")):
+    for axes, polygon, title in (
+        (one, m, "a face of M, and of M + d·S at ±60 mm"),
+        (two, s, "its face of S: mixed area 0"),
+    ):
         axes.fill(*polygon.T, fc="#f0e6d2" if axes is one else "#d8e2ea", ec=INK, lw=1.2)
         axes.set(aspect="equal")
         axes.set_title(title, fontsize=9)
@@ -113,7 +116,7 @@ def christoffel_figure() -> None:
         )
         reach = np.abs(points).max() * 0.72
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-reach, reach))
-        axes.set_box_aspect((1, 1, 1), zoom=1.45)
+        axes.set_box_aspect((1, 1, 1), zoom=1.12)
         axes.view_init(18, -60)
         axes.set_axis_off()
         axes.set_title(f"θ = {angle:g}°", fontsize=9)

@@ -37,7 +37,7 @@ def parallel_meshes_figure() -> None:
     mesh = minimal_shell(smooth, lattice_on(smooth, 110.0), "edge").mesh
     space = parallel_space(mesh)
     x, y, z = mesh.vertices.T
-    target = np.column_stack([x, y, z + 110 * np.cos(x / 150) * np.cos(y / 150)])
+    target = np.column_stack([x, y, z + 220 * np.cos(x / 110) * np.cos(y / 110)])
     nearest = nearest_member(space, target)
     kept = admissible_member(space, target, 0.25)
     corner, low = int(np.argmax(x + y)), int(np.argmin(x - y))
@@ -46,21 +46,20 @@ def parallel_meshes_figure() -> None:
     pulled = deform(
         space,
         held,
-        mesh.vertices[held] + [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 170.0]],
+        mesh.vertices[held] + [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 100.0]],
         lower=0.15,
     )
-    axes = plt.subplots(1, 4, figsize=(11.5, 3.1))[1]
+    axes = plt.subplots(1, 4, figsize=(11.5, 3.9))[1]
     for axis, made, title in (
         (axes[0], mesh, f"M: {space.dimension} dimensions"),
         (axes[1], nearest, "nearest to a wave"),
         (axes[2], kept, "the same, ratios ≥ 0.25"),
-        (axes[3], pulled.mesh, "middle pulled up by 170 mm"),
+        (axes[3], pulled.mesh, "middle pulled up by 100 mm"),
     ):
-        draw(axis, made)
+        draw(axis, made, 25.0)
         axis.set_title(
             f"{title}\nratios {ratios(mesh, made).min():.2f} to {ratios(mesh, made).max():.2f}"
         )
-    plt.gcf().subplots_adjust(wspace=0.05)
     save("parallel-meshes")
 
 
@@ -81,10 +80,14 @@ def offset_types_figure() -> None:
         for kind in KINDS:
             axis.loglog(faces, miss[kind], marks[kind] + "-", ms=4, color=colours[kind], label=kind)
         axis.axhline(1e-11, ls="--", lw=0.8, color=INK)
-        axis.set(title=f"shell of the {made} type", xlabel="panels", ylim=(1e-17, 1e-2))
+        axis.set(title=f"shell of the {made} type", xlabel="panels", ylim=(1e-17, 1e-1))
+        axis.xaxis.set_minor_formatter(plt.NullFormatter())
+        axis.set_xticks(faces, [str(n) for n in faces])
     axes[0].set_ylabel("largest miss of the unit sphere")
     axes[0].annotate("taken as exact", (30, 1.6e-11), fontsize=8)
-    axes[2].legend(frameon=False, title="Gauss image sought", loc="center right")
+    axes[2].legend(
+        frameon=False, title="Gauss image sought", loc="upper right", fontsize=7, ncols=3
+    )
     save("offset-types")
 
 

@@ -110,6 +110,79 @@ def check(design: DesignFile) -> None:
 
 
 @app.command()
+def compare(
+    design: DesignFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Write comparison.csv, .json and .png there.",
+            show_default=False,
+        ),
+    ] = None,
+    equal: Annotated[
+        str, typer.Option("--equal", metavar="size|deviation", help="What all three share.")
+    ] = "size",
+    packer: Annotated[
+        str, typer.Option("--packer", metavar="shelf|spyrrow", help="How panels are nested.")
+    ] = "shelf",
+) -> None:
+    """Panel a design's surface with triangles, planar quads and planar hexagons, and compare."""
+    from phexfab.cli_view import show_comparison
+
+    with _exit_codes(design):
+        asked = _read(design)
+        if output is not None and output.exists() and not output.is_dir():
+            raise typer.BadParameter(f"{output} is a file; name a folder", param_hint="-o")
+        from phexfab import compare as comparing
+
+        found = comparing.compare(asked, equal, packer=packer)
+        show_comparison(found)
+        if output is not None:
+            found.write(output)
+
+
+@app.command()
+def inspect(
+    mesh: Annotated[
+        Path, typer.Argument(metavar="MESH", help="Mesh (OBJ or OFF).", show_default=False)
+    ],
+    offset: Annotated[
+        Path | None,
+        typer.Argument(metavar="[OFFSET]", help="Its offset, same faces.", show_default=False),
+    ] = None,
+    gauss: Annotated[
+        bool, typer.Option("--gauss", help="OFFSET is the Gauss image itself.")
+    ] = False,
+    weld: Annotated[
+        float | None,
+        typer.Option(
+            "--weld",
+            metavar="LENGTH",
+            help="Join vertices closer than this, such as 1e-3, in the file's unit.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")] = False,
+) -> None:
+    """Measure a mesh from elsewhere: planarity, offset types, curvature, torsion."""
+    from phexfab.cli_view import show_inspection
+
+    with _exit_codes():
+        from phexfab.inspection import inspect_files
+
+        if gauss and offset is None:
+            raise typer.BadParameter("name the Gauss image after the mesh", param_hint="--gauss")
+        found = inspect_files(mesh, offset, gauss=gauss, tolerance=weld)
+        if as_json:
+            typer.echo(found.to_json(), nl=False)
+        else:
+            show_inspection(found)
+
+
+@app.command()
 def surfaces() -> None:
     """List the catalog of surfaces that a design file may name."""
     from phexfab.cli_view import show_surfaces

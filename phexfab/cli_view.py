@@ -15,6 +15,8 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from phexfab.cad.doctor import Finding
+    from phexfab.compare import Comparison
+    from phexfab.inspection import Inspection
     from phexfab.fabrication.parts import CheckResult
 
 Report = Callable[[str, int, int], None]
@@ -125,6 +127,44 @@ def show_surfaces() -> None:
         table.add_row(name, options, closes, escape(entry.description))
     console.print(table)
     console.print("\nEvery one also takes bonnet_angle (degrees): 90 is the conjugate surface.")
+
+
+def show_comparison(found: Comparison) -> None:
+    """Print a column for each way to panel a surface."""
+    console = _console()
+    names = [row.name for row in found.rows]
+    console.print(f"[bold]{escape(found.title)}[/], equal {found.equal}")
+    if console.width < NARROW:
+        for label, *values in found.table():
+            console.print(f"{escape(label)}\n  {' | '.join(values)}")
+    else:
+        table = Table(box=None, pad_edge=False)
+        table.add_column("", overflow="fold")
+        for name in names:
+            table.add_column(name, justify="right", overflow="fold")
+        for label, *values in found.table():
+            table.add_row(escape(label), *(escape(value) for value in values))
+        console.print(table)
+    for row in found.rows:
+        for note in row.notes:
+            console.print(escape(note), soft_wrap=True)
+
+
+def show_inspection(found: Inspection) -> None:
+    """Print what was measured on a mesh, section by section."""
+    from phexfab.inspection import lines
+
+    console = _console()
+    for title, rows in lines(found):
+        console.print(f"[bold]{escape(title)}[/]")
+        table = Table(box=None, pad_edge=False, show_header=False)
+        table.add_column(overflow="fold", min_width=min(32, console.width // 2))
+        table.add_column(overflow="fold")
+        for name, value in rows:
+            table.add_row(f"  {escape(name)}", escape(value))
+        console.print(table)
+    for note in found.notes:
+        console.print(escape(note), soft_wrap=True)
 
 
 def show_findings(findings: Sequence[Finding]) -> None:

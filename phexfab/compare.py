@@ -391,6 +391,8 @@ def _offsets(mesh: PolyMesh) -> tuple[list[str], float | None]:
 
     A parallel mesh that has shrunk to a point, or whose axes lie in the surface, is no offset.
     """
+    if (mesh.sides == 3).all():
+        return [], None  # parallel to a mesh of triangles are scaled copies only (thesis §4.1)
     found = classify_mesh(mesh, tolerance=1e-9)
     usable = {
         kind: fit.worst

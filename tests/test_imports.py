@@ -16,13 +16,14 @@ import phexfab
 ROOT = Path(phexfab.__path__[0])
 FLOORS = [
     {"errors"},
-    {"linalg"},
+    {"linalg", "whole"},
     {"surface", "mesh", "design"},
     {"remesh", "parallel"},
     {"minimal", "fabrication"},
     {"cad", "report", "testing"},
     {"delivery"},
     {"pipeline"},
+    {"compare", "inspection"},
     {"cli_view"},
     {"cli"},
     {"__init__", "__main__"},

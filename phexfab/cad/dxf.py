@@ -7,7 +7,6 @@ part of the spacing.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from phexfab.errors import NestingError
 from phexfab.fabrication.layout import placed, sheet_yield
 from phexfab.fabrication.marking import engraving
 from phexfab.fabrication.parts import FlatPart, Sheet
+from phexfab.whole import whole
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -100,21 +100,16 @@ def write_sheet(
         raise NestingError(
             f"sheet {sheet.name} holds {missing[0]}, whose flat pattern is not given"
         )
-    path = Path(path)
-    fresh = path.with_name(f".{path.name}.part")
     with _fixed_meta_data():
         drawing = ezdxf.new(version, units=0 if version == "R12" else _MILLIMETRES)
         _draw(drawing, sheet, flats, meta, marks)
         # ezdxf adds classes in the order of a set, which differs from process to process.
         for name in sorted(drawing.entitydb.dxf_types_in_use()):
             drawing.classes.add_class(name)
-        try:
-            drawing.saveas(fresh)
-            _read_back(fresh, sheet, flats)
-            os.replace(fresh, path)
-        finally:
-            fresh.unlink(missing_ok=True)
-    return path
+        with whole(path) as draft:
+            drawing.saveas(draft)
+            _read_back(draft, sheet, flats)
+    return Path(path)
 
 
 def _read_back(path: Path, sheet: Sheet, flats: Mapping[str, FlatPart]) -> None:

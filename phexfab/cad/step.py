@@ -31,6 +31,7 @@ from phexfab.cad.step_runs import FREE, PREAMBLE, assembly, cylinder, polyhedron
 from phexfab.cad.tree import Family, families
 from phexfab.errors import DesignError, PartError
 from phexfab.fabrication.parts import Cylinder, Parts, Solid
+from phexfab.whole import whole
 
 FloatArray = NDArray[np.float64]
 
@@ -222,12 +223,6 @@ def write_step(parts: Parts, path: str | Path, header: StepHeader | None = None)
     ----------
     ISO 10303-214; thesis ch. 1 (panels, beams and nodes of a shell).
     """
-    target = Path(path)
-    draft = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with open(draft, "w", encoding="ascii", newline="\n") as file:
-            file.writelines(step_text(parts, header))
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
-    return target
+    with whole(path) as draft, open(draft, "w", encoding="ascii", newline="\n") as file:
+        file.writelines(step_text(parts, header))
+    return Path(path)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 from phexfab.fabrication.drawn import area_and_centroid
 from phexfab.fabrication.parts import FlatPart, Parts, Sheet
 from phexfab.mesh.polymesh import PolyMesh
+from phexfab.whole import whole
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, str | float | None]
@@ -154,16 +153,8 @@ def write_bom(path: str | Path, rows: Sequence[Row]) -> Path:
     writer.writerow(columns)
     for row in rows:
         writer.writerow([_text(row[name], decimals) for name, decimals in columns.items()])
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            file.write(text.getvalue())
-        # mkstemp makes files that only their owner reads; a parts list is for everybody.
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole(path) as draft:
+        draft.write_text(text.getvalue(), encoding="utf-8", newline="")
     return path
 
 

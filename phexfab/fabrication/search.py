@@ -21,7 +21,7 @@ Progress = Callable[[int, int], None]
 
 _HALF = (0.0, 180.0)
 # Seconds a part: for each report of Sparrow and for getting stuck, measured at 30 to 40 parts.
-_REPORT_COST, _STUCK_COST = 2.5e-4, 6e-2
+_REPORT_COST, _STUCK_COST = 3.5e-4, 8e-2
 _CLOCK_GUARD = 5.0  # the clock ends the search half a minute after this many times the seconds
 FULL = 0.85  # share of a sheet, spacing included, that irregular parts do not exceed
 _REFUSED = 0.2  # share of mixtures that may not fit before a number of sheets is given up

@@ -7,7 +7,6 @@ bit, and files appear whole or not at all.
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -22,6 +21,7 @@ from scipy.spatial import cKDTree
 from phexfab.errors import MeshError
 from phexfab.mesh.measures import mean_edge
 from phexfab.mesh.polymesh import PolyMesh
+from phexfab.whole import whole
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -298,19 +298,8 @@ def _coordinates(mesh: PolyMesh, path: str | os.PathLike[str]) -> Iterator[str]:
 
 
 def _write_whole(path: str | os.PathLike[str], text: str) -> None:
-    """Write beside the target, then move: nobody sees half a file."""
-    target = Path(path)
     try:
-        handle, beside = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="ascii", newline="\n") as file:
-                file.write(text)
-            umask = os.umask(0)
-            os.umask(umask)
-            os.chmod(beside, 0o666 & ~umask)  # mkstemp makes files private
-            os.replace(beside, target)
-        except BaseException:
-            os.unlink(beside)
-            raise
+        with whole(path) as draft:
+            draft.write_text(text, encoding="ascii", newline="\n")
     except OSError as error:
-        raise MeshError(f"{target}: cannot be written ({error.strerror})") from error
+        raise MeshError(f"{path}: cannot be written ({error.strerror})") from error

@@ -14,11 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from phexfab.errors import MeshError
+from phexfab.linalg import factorise
 from phexfab.mesh.measures import corner_angles, edges
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.support import vertex_normals
@@ -82,7 +83,11 @@ def alternating_angles(mesh: PolyMesh, normals: FloatArray | None = None) -> Flo
 
 
 def inscribed_parallel(
-    mesh: PolyMesh, start: FloatArray | None = None, *, tolerance: float = 1e-9
+    mesh: PolyMesh,
+    start: FloatArray | None = None,
+    *,
+    tolerance: float = 1e-9,
+    refine: bool = False,
 ) -> Inscribed:
     """Return the parallel mesh inscribed in the unit sphere: the Gauss image of a vertex offset.
 
@@ -96,6 +101,9 @@ def inscribed_parallel(
         of ``mesh``, in the mean.
     tolerance : float
         Gap per edge, unit length, below which a first vertex counts as closing.
+    refine : bool
+        Share the gaps among all edges by least squares. For meshes read from files, whose printed
+        digits add up along the walk from the first vertex; an exact mesh does not change.
 
     Returns
     -------
@@ -141,15 +149,39 @@ def inscribed_parallel(
     first = first / np.linalg.norm(first)
     points = turned @ first
     points = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 0.5)
-    gaps = np.linalg.norm(misfit @ first, axis=1)
+    if refine:
+        points[used] = _share_gaps(points[used], np.searchsorted(used, pairs), along)
+    one, two = points[pairs[:, 0]], points[pairs[:, 1]]
+    mirrored = one - 2 * np.einsum("ij,ij->i", one, along)[:, None] * along
+    gaps = np.linalg.norm(two - mirrored, axis=1)
     return Inscribed(PolyMesh(points, mesh.corners, mesh.starts), freedom, spreads, gaps)
+
+
+def _share_gaps(points: FloatArray, ends: IntArray, along: FloatArray) -> FloatArray:
+    """Return the points moved by Gauss–Newton so that edges are parallel, on the unit sphere."""
+    m, n = len(ends), len(points)
+    across = np.eye(3) - along[:, :, None] * along[:, None, :]
+    rows = np.arange(m)
+    edge = sp.csr_matrix(
+        (np.repeat([-1.0, 1.0], m), (np.tile(rows, 2), ends.T.ravel())), shape=(m, n)
+    )
+    parallel = sp.bsr_matrix((across, rows, np.arange(m + 1))) @ sp.kron(edge, sp.identity(3))
+    vertex = np.arange(n)
+    for _ in range(3):
+        radial = sp.bsr_matrix((points[:, None, :], vertex, np.arange(n + 1)), shape=(n, 3 * n))
+        right = parallel.T @ (parallel @ points.ravel())
+        right = right + radial.T @ ((np.sum(points**2, axis=1) - 1) / 2)
+        # The freedom of the first vertex costs nothing: hold it where it is.
+        normal = parallel.T @ parallel + radial.T @ radial + 1e-9 * sp.identity(3 * n)
+        points = points - factorise(normal).solve(right).reshape(n, 3)
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
 def _one_piece(pairs: IntArray, used: IntArray) -> None:
     if not len(used):
         raise MeshError("the mesh has no face; there is nothing to inscribe")
     n = int(used[-1]) + 1
-    graph = csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    graph = sp.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     label = connected_components(graph, directed=False)[1][used]
     if np.any(label != label[0]):
         other = int(used[np.flatnonzero(label != label[0])[0]])
@@ -173,7 +205,7 @@ def _reflections_from_root(mesh: PolyMesh, pairs: IntArray, used: IntArray) -> F
     slot = np.full(len(mesh.vertices), -1)
     slot[used] = np.arange(len(used))
     ends = slot[pairs]
-    graph = csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(used),) * 2)
+    graph = sp.csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(used),) * 2)
     up = spanning_tree(graph, 0)
     along = mesh.vertices[used] - mesh.vertices[used[up]]
     along[0] = 1.0

@@ -47,7 +47,7 @@ class Paneling:
 def covered_rectangle(
     surface: MinimalSurface, rectangle: Rectangle, area: float, *, closed: bool = False
 ) -> Rectangle:
-    """Return the rectangle, drawn in evenly from its open sides, over which the surface has an area.
+    """Return the rectangle, drawn in from its open sides, over which the surface has an area.
 
     A shell of whole hexagons does not reach the border of its rectangle of parameters; this is
     what it covers, in size.

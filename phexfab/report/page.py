@@ -7,12 +7,9 @@ a content policy in its head forbids the rest.
 from __future__ import annotations
 
 import base64
-import os
-import tempfile
 from html import escape
 from importlib import resources
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +22,7 @@ from phexfab.report.figures import assembly_figure, gauss_figure, shell_figure
 from phexfab.report.pack import dump, page_scenes
 from phexfab.report.summary import key_figures, materials_table
 from phexfab.report.text import label, number, quantity
+from phexfab.whole import whole
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
@@ -40,18 +38,9 @@ def write_report(data: ReportData, path: str | PathLike[str]) -> None:
     path : path
         The file to write.
     """
-    path = Path(path)
     text = report_html(data)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        # mkstemp makes files that only their owner reads; a report is for everybody.
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole(path) as draft:
+        draft.write_text(text, encoding="utf-8", newline="\n")
 
 
 def report_html(data: ReportData) -> str:

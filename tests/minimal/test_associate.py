@@ -7,6 +7,7 @@ from phexfab.errors import MeshError
 from phexfab.mesh.measures import relative_planarity
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.minimal.associate import associate, associate_pair, conjugate, conjugate_edges
+from phexfab.minimal.christoffel import split_dual
 from phexfab.minimal.conformal import christoffel_dual, conformal_gauss_image
 from phexfab.minimal.shell import lattice_on, minimal_shell, tangent_shell
 from phexfab.parallel.curvature import pair_curvatures, pair_mixed_areas
@@ -149,6 +150,29 @@ def test_conformal_hexagons_have_the_discrete_weierstrass_family(angle):
     scale = np.sum(plain * form.real) / np.sum(form.real**2)
     assert np.abs(plain - scale * form.real).max() < 1e-11 * np.abs(plain).max()
     assert np.abs(edge - scale * turned.real).max() < 1e-10 * np.abs(edge).max()
+
+
+def test_the_three_cuts_of_hexagons_are_120_degrees_apart():
+    """The duals by splitting (thesis §7.2.2) against the family, to second order."""
+    worst = []
+    for step in STEPS[:3]:
+        shell = shell_of("vertex", step, made=surface("enneper").scaled(1000.0))
+        duals = [split_dual(shell.gauss, cut) for cut in range(3)]
+        assert max(one.residual for one in duals) < 1e-10
+        gaps = np.full((3, 3), np.inf)
+        for row, one in enumerate(duals):
+            x = one.mesh.vertices - one.mesh.vertices.mean(axis=0)
+            x = np.add.reduceat(x[one.mesh.corners], one.mesh.starts[:-1])
+            for column, angle in enumerate((0.0, 120.0, 240.0)):
+                other = associate(shell, angle).vertices
+                y = np.add.reduceat(
+                    (other - other.mean(axis=0))[one.mesh.corners], one.mesh.starts[:-1]
+                )
+                scale = np.sum(x * y) / np.sum(x * x)
+                gaps[row, column] = np.abs(scale * x - y).max() / np.abs(y).max()
+        assert sorted(gaps.argmin(axis=1)) == [0, 1, 2]
+        worst.append(gaps.min(axis=1).max())
+    assert worst[0] < 1e-2 and -np.diff(np.log2(worst))[-1] > 1.6
 
 
 def test_the_family_is_a_circle():

@@ -10,6 +10,7 @@ from phexfab.mesh.io import read_mesh
 from phexfab.mesh.measures import corner_angles
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.minimal.shell import lattice_on, minimal_shell
+from phexfab.parallel.support import node_torsion, vertex_normals
 from phexfab.parallel.vertex_offset import alternating_angles, inscribed_parallel
 from phexfab.surface.catalog import surface
 from phexfab.testing import assert_offset, assert_parallel, assert_planar
@@ -106,8 +107,6 @@ def test_every_first_vertex_gives_an_inscribed_parallel_mesh(seed):
 
 
 def test_the_best_start_is_nearest_to_the_vertex_normals():
-    from phexfab.parallel.support import vertex_normals
-
     best = inscribed_parallel(SHELL.mesh)
     normals = vertex_normals(SHELL.mesh)
     agreement = np.sum(best.mesh.vertices * normals)
@@ -119,6 +118,17 @@ def test_the_best_start_is_nearest_to_the_vertex_normals():
     # The Gauss image from which the shell was made is one of them.
     own = inscribed_parallel(SHELL.mesh, SHELL.gauss.vertices[0])
     assert np.abs(own.mesh.vertices - SHELL.gauss.vertices).max() < 1e-11
+
+
+def test_sharing_the_gaps_heals_printed_digits_and_leaves_an_exact_mesh_alone():
+    plain = inscribed_parallel(SHELL.mesh)
+    shared = inscribed_parallel(SHELL.mesh, refine=True)
+    assert np.abs(shared.mesh.vertices - plain.mesh.vertices).max() < 1e-9
+    printed = PolyMesh(np.round(SHELL.mesh.vertices, 2), SHELL.mesh.corners, SHELL.mesh.starts)
+    before = inscribed_parallel(printed, tolerance=1e-2)
+    after = inscribed_parallel(printed, tolerance=1e-2, refine=True)
+    assert before.freedom == after.freedom == 2
+    assert after.gaps.max() < 0.5 * before.gaps.max()
 
 
 def test_a_mesh_without_the_angles_has_none():
@@ -171,5 +181,10 @@ def test_a_public_mesh_is_of_the_vertex_type_to_its_printed_digits():
     mesh = read_mesh(PUBLIC)
     made = inscribed_parallel(mesh, tolerance=1e-3)
     assert made.freedom == 2
-    assert made.gaps.max() < 1e-3
+    assert 1e-5 < made.gaps.max() < 1e-3
+    shared = inscribed_parallel(mesh, tolerance=1e-3, refine=True)
+    # What is left at worst is the direction of the shortest edges in the file.
+    assert shared.gaps.max() < 3e-4 and shared.gaps.max() < 0.5 * made.gaps.max()
+    assert node_torsion(mesh, shared.mesh).torsion.max() < 2e-4
+    assert_offset(shared.mesh, "vertex", 1e-12)
     assert np.abs(alternating_angles(mesh)).max() < 0.1

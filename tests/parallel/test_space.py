@@ -33,7 +33,7 @@ KINDS = ["face", "edge", "vertex"]
 def shell(kind, name="enneper"):
     made = surface(name).scaled(1000.0)
     closed = name == "catenoid"
-    return minimal_shell(made, lattice_on(made, 400.0 if closed else 120.0, closed=closed), kind)
+    return minimal_shell(made, lattice_on(made, 400.0 if closed else 160.0, closed=closed), kind)
 
 
 @cache
