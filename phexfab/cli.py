@@ -161,7 +161,7 @@ def inspect(
         typer.Option(
             "--weld",
             metavar="LENGTH",
-            help="Join vertices closer than this, such as 1e-3, in the file's unit.",
+            help="Join vertices closer than this, such as 0.01, in the file's unit.",
             show_default=False,
         ),
     ] = None,

@@ -15,9 +15,9 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from phexfab.cad.doctor import Finding
-    from phexfab.compare import Comparison
-    from phexfab.inspection import Inspection
+    from phexfab.comparison import Comparison
     from phexfab.fabrication.parts import CheckResult
+    from phexfab.inspection import Inspection
 
 Report = Callable[[str, int, int], None]
 NARROW = 60

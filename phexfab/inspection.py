@@ -152,15 +152,15 @@ def inspect_mesh(
         "faces": _faces(mesh),
     }
     image, kind = None, ""
-    types, found = _types(mesh, notes)
-    sections["offset types"] = types
+    if mesh.n_faces == 1 or sections["counts"]["pieces"] != mesh.n_faces:
+        sections["offset types"], found = _types(mesh, notes)
+        image, kind = found or (None, "")
     if offset is not None:
         require_same_faces(mesh, offset)
         sections["pair"], image = _pair(mesh, offset, gauss, notes)
-    elif found is not None:
-        image, kind = found
+        kind = "of the pair"
     if image is not None:
-        sections["curvature"] = {"Gauss image": kind or "of the pair", **_curvature(mesh, image)}
+        sections["curvature"] = {"Gauss image": kind, **_curvature(mesh, image)}
     return Inspection(name, sections, tuple(notes))
 
 
@@ -183,14 +183,14 @@ def _joined(
             f"welding within {tolerance:g} drops corners of the mesh, so its offset no longer "
             "corresponds; lower the tolerance"
         )
-    # Corner for corner the same faces: each vertex takes the offset of the first that it stands for.
+    # Corner for corner the same faces: a vertex takes the offset of the first it stands for.
     _, first = np.unique(joined.corners, return_index=True)
     points = other.vertices[mesh.corners]
     apart = np.linalg.norm(points - points[first][joined.corners], axis=1)
     if apart.max() > 10 * tolerance:
         raise MeshError(
-            f"vertices that are one within {tolerance:g} lie {apart.max():.3g} apart in the offset; "
-            "lower the tolerance"
+            f"vertices that are one within {tolerance:g} lie {apart.max():.3g} apart in the "
+            "offset; lower the tolerance"
         )
     return joined, PolyMesh(points[first], joined.corners, joined.starts)
 
@@ -215,7 +215,8 @@ def _counts(mesh: PolyMesh, notes: list[str]) -> dict[str, Value]:
     if turned:
         notes.append(f"{turned} edges have faces of opposite orientation on their two sides")
     if pieces > 1 and pieces == mesh.n_faces:
-        notes.append("no two faces share a vertex; join them with --weld 1e-3 or so")
+        length = float(edge_lengths(mesh).mean()) / 1000
+        notes.append(f"no two faces share a vertex; join them with --weld {length:.1g} or so")
     return {
         "vertices": n,
         "edges": len(pairs),

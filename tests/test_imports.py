@@ -21,7 +21,7 @@ FLOORS = [
     {"remesh", "parallel"},
     {"minimal", "fabrication"},
     {"cad", "report", "testing"},
-    {"delivery"},
+    {"delivery", "comparison"},
     {"pipeline"},
     {"compare", "inspection"},
     {"cli_view"},

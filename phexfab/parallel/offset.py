@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.errors import OffsetLimitError
+from phexfab.parallel.pairs import flip_interval
 from phexfab.parallel.shell import Shell
 
 FloatArray = NDArray[np.float64]
@@ -28,10 +29,7 @@ def admissible_interval(shell: Shell) -> tuple[float, float]:
     An edge vanishes at d = −c, so the limits are −min{c > 0} and min{|c| : c < 0}; infinite
     where no such edge exists.
     """
-    c = edge_ratios(shell)
-    low = -c[c > 0].min(initial=np.inf)
-    high = -c[c < 0].max(initial=-np.inf)
-    return float(low), float(high)
+    return flip_interval(edge_ratios(shell))
 
 
 def offset(shell: Shell, distance: float) -> Shell:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phexfab.parallel.curvature import gaussian_curvatures
+from phexfab.parallel.curvature import face_fields
 from phexfab.parallel.shell import Shell
 from phexfab.report.camera import View
 
@@ -54,7 +54,7 @@ class PanelField:
 
 
 def panel_fields(shell: Shell) -> tuple[PanelField, ...]:
-    """Return Gaussian curvature, area and mean edge of every panel of M."""
+    """Return the curvatures of every panel of M, its area and its mean edge."""
     mesh = shell.mesh
     if mesh.n_faces == 0:
         return ()
@@ -64,9 +64,9 @@ def panel_fields(shell: Shell) -> tuple[PanelField, ...]:
     origin = tail[begin][mesh.face_of_corner]
     area = np.add.reduceat(np.cross(tail - origin, head - origin), begin)
     with np.errstate(divide="ignore", invalid="ignore"):
-        curvature = gaussian_curvatures(shell)
+        curvatures = face_fields(shell)
     return (
-        PanelField("Gaussian curvature", "1/m²", curvature * 1e6),
+        *(PanelField(name, unit, values) for name, (values, unit) in curvatures.items()),
         PanelField("Panel area", "m²", np.linalg.norm(area, axis=1) / 2e6),
         PanelField("Mean edge", "mm", edge),
     )

@@ -138,7 +138,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(parts, tmp_path, mo
     def refuse(*_):
         raise OSError("disk full")
 
-    monkeypatch.setattr("phexfab.fabrication.bom.os.replace", refuse)
+    monkeypatch.setattr("phexfab.whole.os.replace", refuse)
     with pytest.raises(OSError, match="disk full"):
         write_bom(path, bom_rows(Parts(())))
     assert path.read_bytes() == before
