@@ -46,6 +46,7 @@ ComplexArray = NDArray[np.complex128]
 EQUAL = ("size", "deviation")
 USABLE_TILT = 45.0  # degrees that node axes may lean off the normals and still be node axes
 _ROUNDS = 6
+_AROUND = (0.8, 0.87, 0.93, 1.07, 1.15, 1.25)
 _REFLEX = 180 + 1e-6
 
 
@@ -152,13 +153,24 @@ def _equal_deviation(smooth: MinimalSurface, make: Maker, like: Paneling) -> Pan
     """Return the mesh whose largest deviation comes nearest to that of another one."""
     area, count = float(signed_areas(like.mesh).sum()), like.mesh.n_faces
     wanted = float(_deviation(smooth, like).max())
-    tried: dict[int, tuple[float, Paneling]] = {}
-    while count not in tried and len(tried) < _ROUNDS:
-        made = make(count, area)
+    tried: dict[int, tuple[float, int, Paneling]] = {}
+
+    def attempt(panels: int) -> int:
+        """Try a number of panels, and return the one that should be nearer."""
+        made = make(panels, area)
         ratio = float(_deviation(smooth, made).max()) / wanted
-        tried[count] = abs(float(np.log(ratio))), made
-        count = max(2, round(made.mesh.n_faces * ratio))  # it falls with the square of the size
-    return min(tried.values(), key=lambda pair: pair[0])[1]
+        tried[panels] = abs(float(np.log(ratio))), made.mesh.n_faces, made
+        return max(2, round(made.mesh.n_faces * ratio))  # it falls with the square of the size
+
+    while count not in tried and len(tried) < _ROUNDS:
+        count = attempt(count)
+    # Rows and columns are whole numbers, so that deviation jumps: look around the best.
+    best = min(tried.values(), key=lambda one: one[0])[1]
+    for factor in _AROUND:
+        panels = max(2, round(best * factor))
+        if panels not in tried:
+            attempt(panels)
+    return min(tried.values(), key=lambda one: one[0])[2]
 
 
 # -- what is measured ------------------------------------------------------------------------------

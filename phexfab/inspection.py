@@ -159,6 +159,11 @@ def inspect_mesh(
         require_same_faces(mesh, offset)
         sections["pair"], image = _pair(mesh, offset, gauss, notes)
         kind = "of the pair"
+    elif image is not None:
+        notes.append(
+            "curvature is that of the Gauss image found, one of a family; give the offset for "
+            "its own"
+        )
     if image is not None:
         sections["curvature"] = {"Gauss image": kind, **_curvature(mesh, image)}
     return Inspection(name, sections, tuple(notes))

@@ -282,7 +282,16 @@ def test_version(here, monkeypatch):
 def test_help_names_every_command_and_the_exit_codes(monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
     text = run("--help").output
-    for word in ("build", "check", "surfaces", "doctor", "--version", "Exit codes"):
+    for word in (
+        "build",
+        "check",
+        "compare",
+        "inspect",
+        "surfaces",
+        "doctor",
+        "--version",
+        "Exit codes",
+    ):
         assert word in text
 
 

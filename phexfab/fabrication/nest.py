@@ -8,7 +8,6 @@ panels of mixed sizes denser; it is asked only for fewer sheets than the rows ne
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
@@ -76,12 +75,15 @@ def nest(
     job = prepare(parts, stock)
     order = np.argsort(np.round(job.areas, 3), kind="stable")
     layout = rows(job, order)
+    sheets: tuple[Sheet, ...] = ()
     if len(layout) > 1 and not all_bars(job):
         layout = min(layout, rows_by_sheet(job, order), key=lambda sheets: _tally(job, sheets))
         if packer == "spyrrow":
-            layout = search(job, order, layout, Sparrow(job, seed, seconds, progress), notes)
-    sheets = _sheets(job, layout)
-    verify_layout(sheets, parts)
+            denser = search(job, order, layout, Sparrow(job, seed, seconds, progress), notes)
+            sheets = _accepted(job, denser, notes)
+    if not sheets:
+        sheets = _sheets(job, layout)
+        verify_layout(sheets, parts)
     if progress is not None:
         progress(len(parts), len(parts))
     return sheets
@@ -104,7 +106,7 @@ def nest_all(
     flats : sequence of FlatPart
     stock : Stock or mapping of material name to Stock
     seed, seconds, packer, progress
-        As in ``nest``; the seconds are for the whole job.
+        As in ``nest``; the seconds are for each material and thickness.
     previous : str, optional
         JSON of an earlier layout; it is used again, after verification, when its fingerprint
         says that neither parts nor stock nor settings have changed.
@@ -136,7 +138,6 @@ def nest_all(
         kept = _kept(previous, print_, flats, notes)
         if kept is not None:
             return kept
-    started = time.monotonic()
     sheets: list[Sheet] = []
     done = 0
     for (material, thickness), parts in groups.items():
@@ -146,12 +147,11 @@ def nest_all(
             if progress is not None:
                 progress(base + count, len(flats))
 
-        left = max(seconds - (time.monotonic() - started), 0.0)
         nested = nest(
             parts,
             stocks[material.name],
             seed=seed,
-            seconds=left,
+            seconds=seconds,
             packer=packer,
             progress=report,
             notes=notes,
@@ -161,6 +161,17 @@ def nest_all(
         done += len(parts)
     verify_layout(sheets, flats)
     return Nest(tuple(sheets), tuple(notes), print_)
+
+
+def _accepted(job: Job, layout: list[list[Spot]], notes: list[str]) -> tuple[Sheet, ...]:
+    """Return the sheets of a layout that Sparrow had a hand in, or none when it is not sound."""
+    sheets = _sheets(job, layout)
+    try:
+        verify_layout(sheets, job.parts)
+    except NestingError as error:
+        notes.append(f"Sparrow's layout is not sound ({error}); the parts lie in rows")
+        return ()
+    return sheets
 
 
 def _tally(job: Job, layout: list[list[Spot]]) -> tuple[int, float]:

@@ -133,7 +133,7 @@ def rows_by_sheet(job: Job, order: IntArray) -> list[list[Spot]]:
     placed = 0
     while placed < len(order):
         left = order[placed:]
-        full = int(np.searchsorted(np.cumsum(job.areas[left]), job.length * job.width))
+        full = max(1, int(np.searchsorted(np.cumsum(job.areas[left]), job.length * job.width)))
         low, high, trial = 0, min(cap, full, len(left)) + 1, min(cap, full, len(left))
         best: list[Spot] = []
         while high - low > 1:

@@ -99,6 +99,8 @@ def pack_strips(
             if until_one_fits and layouts[-1].length <= run.target:
                 break
         return layouts
+    except OSError as error:  # no interpreter, no memory, no process to be had
+        return [StripLayout(np.inf, (), error=str(error)) for _ in runs]
     finally:
         for process in processes:
             process.kill()

@@ -136,6 +136,20 @@ def test_where_the_packer_fails_the_parts_lie_in_rows_and_a_note_says_so(monkeyp
     assert len(nested.notes) == 1 and "out of memory" in nested.notes[0]
 
 
+def test_a_layout_of_the_packer_that_is_not_sound_is_not_taken(monkeypatch):
+    flats = panels(16, 90, 220, 2)
+
+    def heap(runs, seconds, *, until_one_fits=False):
+        spots = [tuple((k, 0.0, 400.0, 400.0) for k in range(len(run.contours))) for run in runs]
+        return [StripLayout(1.0, spot, 1) for spot in spots]
+
+    monkeypatch.setattr(search_module, "pack_strips", heap)
+    notes = []
+    sheets = nest(flats, SMALL, notes=notes)
+    assert sheets == nest(flats, SMALL, packer="shelf")
+    assert len(notes) == 1 and "not sound" in notes[0]
+
+
 # -- refusals ---------------------------------------------------------------------------------
 
 

@@ -118,3 +118,9 @@ def test_a_panic_of_the_packer_is_an_answer_not_an_end():
     for shape in (tall, crossed):
         (layout,) = pack_strips([run([shape], 500.0, 100.0)], 60.0)
         assert layout.length == np.inf and layout.error and not layout.late
+
+
+def test_no_process_to_be_had_is_an_answer_too(monkeypatch):
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    (layout,) = pack_strips([run([hourglass(50)], 500.0, 500.0)], 60.0)
+    assert layout.length == np.inf and "/nowhere/python" in layout.error
