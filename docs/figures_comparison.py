@@ -9,9 +9,9 @@ import numpy as np
 
 from phexfab.compare import compare
 from phexfab.minimal.shell import minimal_shell
-from phexfab.parallel.offset import admissible_interval, offset
+from phexfab.parallel.offset import offset
 from phexfab.remesh.lattice import lattice
-from phexfab.report.fields import shell_view
+from phexfab.report.camera import View
 from phexfab.report.figures import render
 from phexfab.report.scene import mesh_layer
 from phexfab.surface.catalog import surface
@@ -30,9 +30,9 @@ def comparison_figure() -> None:
 def inspect_figure() -> None:
     """A shell and its offset: the pair that ``phexfab inspect`` measures."""
     shell = minimal_shell(
-        surface("catenoid").scaled(1000.0), lattice((-0.6, 0.6, -1.1, 1.1), 0.2), "vertex"
+        surface("enneper").scaled(1000.0), lattice((-0.5, 0.5, -0.5, 0.5), 0.14), "vertex"
     )
-    other = offset(shell, 0.5 * admissible_interval(shell)[1])
+    other = offset(shell, -150.0)
     layers = [
         mesh_layer(
             name,
@@ -45,7 +45,7 @@ def inspect_figure() -> None:
             ("offset", other.mesh, (0.52, 0.66, 0.74)),
         )
     ]
-    view = shell_view(shell)
+    view = View(elevation=14)
     render(layers, FOLDER / "inspect.png", size=(1200, 760), view=view, ground=False, colours=64)
 
 

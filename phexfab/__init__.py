@@ -25,11 +25,31 @@ from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
 from phexfab.fabrication.parts import CheckResult, FlatPart, Material, Parts, Solid, Stock
 from phexfab.mesh import PolyMesh, read_mesh, write_mesh
+from phexfab.minimal.christoffel import is_discrete_minimal, split_dual
+from phexfab.minimal.dual_space import DualSpace
 from phexfab.minimal.gauss_image import gauss_image
 from phexfab.minimal.laplacian import solve_minimal
 from phexfab.minimal.shell import lattice_on, minimal_shell, surface_distance
+from phexfab.parallel.classify import classify_mesh
+from phexfab.parallel.curvature import pair_curvatures
+from phexfab.parallel.edge_offset import edge_offset_mesh
+from phexfab.parallel.face_offset import face_offset
+from phexfab.parallel.nearest import admissible_member, deform, nearest_member
 from phexfab.parallel.offset import admissible_interval, node_axes, offset
+from phexfab.parallel.pairs import (
+    blend,
+    classify_pair,
+    gauss_from_pair,
+    is_parallel,
+    offset_pair,
+    pair_interval,
+)
 from phexfab.parallel.shell import Shell
+from phexfab.parallel.simple import shell_of_mesh
+from phexfab.parallel.space import parallel_space
+from phexfab.parallel.support import beam_heights, node_torsion, support_structure
+from phexfab.parallel.to_offset import nearest_offset_mesh
+from phexfab.parallel.vertex_offset import inscribed_parallel
 from phexfab.pipeline import Build, build, check
 from phexfab.remesh.lattice import Lattice, lattice
 from phexfab.surface import (
@@ -49,6 +69,7 @@ __all__ = [
     "CheckResult",
     "Design",
     "DesignError",
+    "DualSpace",
     "FlatPart",
     "Lattice",
     "LatticeError",
@@ -71,29 +92,51 @@ __all__ = [
     "Stock",
     "SurfaceError",
     "admissible_interval",
+    "admissible_member",
     "associate",
+    "beam_heights",
     "beams",
+    "blend",
     "build",
     "catalog",
     "check",
     "check_geometry",
     "check_parts",
+    "classify_mesh",
+    "classify_pair",
+    "deform",
+    "edge_offset_mesh",
+    "face_offset",
     "from_height_differential",
     "from_weierstrass",
+    "gauss_from_pair",
     "gauss_image",
+    "inscribed_parallel",
+    "is_discrete_minimal",
+    "is_parallel",
     "lattice",
     "lattice_on",
     "load_design",
     "make_design",
     "minimal_shell",
     "minimal_surface",
+    "nearest_member",
+    "nearest_offset_mesh",
     "node_axes",
+    "node_torsion",
     "nodes",
     "offset",
+    "offset_pair",
+    "pair_curvatures",
+    "pair_interval",
     "panels",
+    "parallel_space",
     "parse_design",
     "read_mesh",
+    "shell_of_mesh",
     "solve_minimal",
+    "split_dual",
+    "support_structure",
     "surface_distance",
     "write_mesh",
 ]
