@@ -32,7 +32,7 @@ def inspect_figure() -> None:
     shell = minimal_shell(
         surface("enneper").scaled(1000.0), lattice((-0.5, 0.5, -0.5, 0.5), 0.14), "vertex"
     )
-    other = offset(shell, -150.0)
+    other = offset(shell, -80.0)
     layers = [
         mesh_layer(
             name,
@@ -46,7 +46,7 @@ def inspect_figure() -> None:
         )
     ]
     view = View(elevation=14)
-    render(layers, FOLDER / "inspect.png", size=(1200, 760), view=view, ground=False, colours=64)
+    render(layers, FOLDER / "inspect.png", size=(1200, 760), view=view, ground=False, colours=192)
 
 
 if __name__ == "__main__":

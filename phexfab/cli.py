@@ -136,9 +136,9 @@ def compare(
         asked = _read(design)
         if output is not None and output.exists() and not output.is_dir():
             raise typer.BadParameter(f"{output} is a file; name a folder", param_hint="-o")
-        from phexfab import compare as comparing
+        from phexfab.compare import compare as compare_panelings
 
-        found = comparing.compare(asked, equal, packer=packer)
+        found = compare_panelings(asked, equal, packer=packer)
         show_comparison(found)
         if output is not None:
             found.write(output)
