@@ -45,7 +45,8 @@ from phexfab.parallel.pairs import (
     worst_edge,
 )
 from phexfab.parallel.simple import is_simple
-from phexfab.parallel.sphere_fit import sphere_miss
+from phexfab.parallel.space import parallel_space
+from phexfab.parallel.sphere_fit import fit_to_sphere, sphere_miss
 from phexfab.parallel.support import node_torsion, torsion_of_axes
 
 FloatArray = NDArray[np.float64]
@@ -161,8 +162,8 @@ def inspect_mesh(
         kind = "of the pair"
     elif image is not None:
         notes.append(
-            "curvature is that of the Gauss image found, one of a family; give the offset for "
-            "its own"
+            "curvature is that of the Gauss image found, in its family the one with the least H; "
+            "give the offset for its own"
         )
     if image is not None:
         sections["curvature"] = {"Gauss image": kind, **_curvature(mesh, image)}
@@ -290,7 +291,8 @@ def _types(
         )
         return result, None
     try:
-        found = classify_mesh(mesh)
+        space = parallel_space(mesh, tolerance=max(1e-8, 10 * relative_planarity(mesh).max()))
+        found = classify_mesh(mesh, space=space)
     except (MeshError, SolveError) as error:
         notes.append(f"offset types: {error}")
         return result, None
@@ -307,7 +309,16 @@ def _types(
     ]
     result["offset types"] = ", ".join(usable) or "none"
     best = found.kind if found.kind in usable else (usable[0] if usable else None)
-    return result, (found.fits[best].gauss, f"found, {best} type") if best else None
+    if best is None:
+        return result, None
+    fit = found.fits[best]
+    # Gauss images of one type come in families: of those that touch the sphere as well as the
+    # digits allow, the one to which the mesh is most nearly minimal.
+    picked = fit_to_sphere(space, best, fit.gauss, 200, minimal=0.1)
+    if picked.worst > max(found.tolerance, fit.worst):
+        picked = fit
+    result[f"Gauss image, {best} type, misses by"] = picked.worst
+    return result, (picked.gauss, f"found, {best} type")
 
 
 def _pair(
