@@ -81,9 +81,7 @@ def build(
         if quick:
             shelf = asked.nesting.model_copy(update={"packer": "shelf"})
             asked = asked.model_copy(update={"nesting": shelf})
-        directory = output or Path("exports") / design.stem
-        if directory.exists() and not directory.is_dir():
-            raise typer.BadParameter(f"{directory} is a file; name a folder", param_hint="-o")
+        directory = _folder(output, design.stem)
         from phexfab import pipeline
 
         with progress() as report:
@@ -118,7 +116,8 @@ def compare(
             "-o",
             "--output",
             metavar="DIR",
-            help="Write comparison.csv, .json and .png there.",
+            help="Where comparison.csv, .json and .png go; exports/<design file>-comparison when "
+            "left out.",
             show_default=False,
         ),
     ] = None,
@@ -130,18 +129,17 @@ def compare(
     ] = "shelf",
 ) -> None:
     """Panel a design's surface with triangles, planar quads and planar hexagons, and compare."""
-    from phexfab.cli_view import show_comparison
+    from phexfab.cli_view import show_build, show_comparison
 
     with _exit_codes(design):
         asked = _read(design)
-        if output is not None and output.exists() and not output.is_dir():
-            raise typer.BadParameter(f"{output} is a file; name a folder", param_hint="-o")
+        directory = _folder(output, f"{design.stem}-comparison")
         from phexfab.compare import compare as compare_panelings
 
         found = compare_panelings(asked, equal, packer=packer)
         show_comparison(found)
-        if output is not None:
-            found.write(output)
+        found.write(directory)
+        show_build(directory, {})
 
 
 @app.command()
@@ -210,6 +208,14 @@ def doctor() -> None:
 def main() -> None:
     """Run the command ``phexfab``."""
     app()
+
+
+def _folder(output: Path | None, name: str) -> Path:
+    """Return the folder asked for, or ``exports/name``; refuse a file of that name."""
+    directory = output or Path("exports") / name
+    if directory.exists() and not directory.is_dir():
+        raise typer.BadParameter(f"{directory} is a file; name a folder", param_hint="-o")
+    return directory
 
 
 def _read(path: Path) -> Design:

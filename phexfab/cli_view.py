@@ -107,7 +107,8 @@ def show_build(directory: Path, figures: Mapping[str, tuple[float | int | str, s
         else:
             table.add_row(escape(entry.name), _bytes(entry.stat().st_size))
     console.print()
-    console.print(f"[bold]{escape(str(directory))}[/]: {', '.join(counts)}", soft_wrap=True)
+    said = f": {', '.join(counts)}" if counts else ""
+    console.print(f"[bold]{escape(str(directory))}[/]{said}", soft_wrap=True)
     console.print(table)
 
 

@@ -238,11 +238,13 @@ def test_a_part_larger_than_its_sheet_is_a_failed_check_and_no_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_offset_limit_is_refused_before_parts_are_made():
-    with pytest.raises(OffsetLimitError):
-        phexfab.build(small(extra="[offset.extra]\n") if False else parse_design(
-            '[surface]\nname="enneper"\nscale=1000\n[lattice]\npanel_size=100\n'
-            "[offset]\ndistance=2000\n", source="far.toml"))  # fmt: skip
+def test_an_offset_on_the_far_side_is_refused_too():
+    text = (
+        '[surface]\nname="enneper"\nscale=1000\n[lattice]\npanel_size=100\n'
+        "[offset]\ndistance=2000\n"
+    )
+    with pytest.raises(OffsetLimitError, match=r"offset\.distance = 2000 mm"):
+        phexfab.build(parse_design(text, source="far.toml"))
 
 
 def test_own_surface_by_expressions_equals_the_catalog():
@@ -274,6 +276,18 @@ def test_the_pavilion_has_the_promised_size():
     size = np.ptp(built.shell.mesh.vertices, axis=0)
     assert np.allclose(size, [6000, 6000, 3000], atol=150)
     assert 290 <= len(built.parts.panels) <= 310
+
+
+def test_the_kept_build_is_what_its_example_builds():
+    kept = EXAMPLES[0].parents[1] / "exports" / "first-shell"
+    built = phexfab.build(next(p for p in EXAMPLES if p.stem == "first-shell"))
+    mesh = read_mesh(kept / "shell.obj")
+    assert np.abs(mesh.vertices - built.shell.mesh.vertices).max() < 1e-9
+    with (kept / "bom.csv").open(newline="") as file:
+        marks = [row["mark"] for row in csv.DictReader(file)]
+    assert marks == [part.mark for part in (*built.parts.panels, *built.parts.beams)]
+    report = json.loads((kept / "report.json").read_text())
+    assert {row["name"] for row in report["checks"]} == {check.name for check in built.checks}
 
 
 @pytest.mark.parametrize("script", ["cadquery_shell.py", "build123d_shell.py"])
