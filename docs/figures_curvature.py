@@ -12,8 +12,9 @@ from phexfab.minimal.associate import associate
 from phexfab.minimal.christoffel import split_coefficients
 from phexfab.minimal.shell import minimal_shell, tangent_shell
 from phexfab.parallel.curvature import shell_curvatures
-from phexfab.remesh.lattice import EQUILATERAL, lattice
+from phexfab.remesh.lattice import lattice
 from phexfab.surface.catalog import surface
+from phexfab.triangular import EQUILATERAL
 
 
 def curvature_figure() -> None:

@@ -20,7 +20,7 @@ from phexfab.minimal.shell import minimal_shell, surface_distance
 from phexfab.parallel.curvature import minimality
 from phexfab.parallel.offset import node_axes
 from phexfab.pipeline import build
-from phexfab.remesh.lattice import EQUILATERAL, lattice
+from phexfab.remesh.lattice import lattice
 from phexfab.report.camera import View
 from phexfab.report.fields import face_marks
 from phexfab.report.figures import assembly_figure
@@ -33,6 +33,7 @@ from phexfab.report.scene import (
 )
 from phexfab.report.shade import picture
 from phexfab.surface.catalog import catalog, surface
+from phexfab.triangular import EQUILATERAL
 
 FOLDER = Path(__file__).parent / "img"
 EXAMPLES = Path(__file__).parent.parent / "examples"

@@ -24,8 +24,9 @@ from phexfab.errors import DesignError, LatticeError
 from phexfab.fabrication import bars, nodes, panels
 from phexfab.fabrication.limits import KINDS, Limits
 from phexfab.minimal import gauss_image
-from phexfab.remesh.lattice import EQUILATERAL, check_directions, mean_distance
+from phexfab.remesh.lattice import check_directions
 from phexfab.surface.catalog import catalog
+from phexfab.triangular import EQUILATERAL, mean_distance
 
 MINIMAL = '[surface]\nname = "catenoid"\n[lattice]\npanel_size = 600\n'
 MANUAL = Path(__file__).parent.parent / "docs" / "design-file.md"

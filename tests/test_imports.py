@@ -16,7 +16,7 @@ import phexfab
 ROOT = Path(phexfab.__path__[0])
 FLOORS = [
     {"errors"},
-    {"linalg", "whole"},
+    {"linalg", "triangular", "whole"},
     {"surface", "mesh", "design"},
     {"remesh", "parallel"},
     {"minimal", "fabrication"},

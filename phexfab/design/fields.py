@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from phexfab.design.rules import EQUILATERAL
 from phexfab.design.units import quantity
 from phexfab.errors import DesignError
+from phexfab.triangular import EQUILATERAL
 
 
 class Section(BaseModel):

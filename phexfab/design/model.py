@@ -34,9 +34,10 @@ from phexfab.design.fields import (
     Section,
 )
 from phexfab.design.materials import MATERIALS, known_density
-from phexfab.design.rules import EQUILATERAL, RuleBreach, broken_rules
+from phexfab.design.rules import RuleBreach, broken_rules
 from phexfab.design.units import quantity
 from phexfab.errors import DesignError
+from phexfab.triangular import EQUILATERAL
 
 
 class _Made(Section):

@@ -13,11 +13,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from phexfab.triangular import ASYMPTOTIC_MARGIN, EQUILATERAL, asymptotic_gap, mean_distance
+
 if TYPE_CHECKING:
     from phexfab.design import model as m
-
-EQUILATERAL = math.sqrt(3) / 2
-ASYMPTOTIC_MARGIN = 2.0  # degrees
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def median_panel(lattice: m.Lattice) -> MedianPanel:
     dual to the lattice with respect to the Dupin indicatrix y² − x² = 1 (thesis §5.1.3).
     """
     r = lattice.row_ratio
-    step = lattice.panel_size * 3 / (1 + 2 * math.hypot(0.5, r))
+    step = lattice.panel_size / mean_distance(r)
     waist = step * (r - 0.25 / r)
     return MedianPanel(
         width=step,
@@ -78,9 +77,7 @@ def median_panel(lattice: m.Lattice) -> MedianPanel:
 def lattice_directions(lattice: m.Lattice) -> Iterator[Problem]:
     """No lattice direction may be asymptotic (thesis §5.1.3): there, panel edges vanish."""
     slant = math.degrees(math.atan(2 * lattice.row_ratio))
-    turned = [lattice.turn, lattice.turn + slant, lattice.turn - slant]
-    folded = [abs((angle + 90) % 180 - 90) for angle in turned]
-    near = min(abs(angle - 45) for angle in folded)
+    near, _ = asymptotic_gap(lattice.row_ratio, lattice.turn)
     if near < ASYMPTOTIC_MARGIN:
         key = "lattice.turn" if lattice.turn else "lattice.row_ratio"
         room = abs(slant - 45) - ASYMPTOTIC_MARGIN

@@ -20,8 +20,9 @@ from phexfab.minimal.sphere import (
     stereographic,
 )
 from phexfab.parallel.rings import border_loops, face_rings
-from phexfab.remesh.lattice import EQUILATERAL, Lattice
+from phexfab.remesh.lattice import Lattice
 from phexfab.surface.weierstrass import MinimalSurface
+from phexfab.triangular import EQUILATERAL
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

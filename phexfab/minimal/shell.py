@@ -9,8 +9,9 @@ from phexfab.errors import LatticeError
 from phexfab.minimal.gauss_image import gauss_image
 from phexfab.minimal.laplacian import solve_minimal
 from phexfab.parallel.shell import Shell
-from phexfab.remesh.lattice import Lattice, lattice, mean_distance
+from phexfab.remesh.lattice import Lattice, lattice
 from phexfab.surface.weierstrass import MinimalSurface
+from phexfab.triangular import EQUILATERAL, mean_distance
 
 FloatArray = NDArray[np.float64]
 
@@ -69,7 +70,7 @@ def lattice_on(
     panel_size: float,
     *,
     rectangle: tuple[float, float, float, float] | None = None,
-    row_ratio: float = float(np.sqrt(3) / 2),
+    row_ratio: float = EQUILATERAL,
     rows_along: str = "u",
     turn: float = 0.0,
     closed: bool = False,

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.errors import LatticeError
+from phexfab.triangular import ASYMPTOTIC_MARGIN, EQUILATERAL, asymptotic_gap, mean_distance
 
 IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
-EQUILATERAL = float(np.sqrt(3) / 2)
-MARGIN_DEG = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +51,6 @@ class Lattice:
         return self.step * mean_distance(self.row_ratio)
 
 
-def mean_distance(row_ratio: float) -> float:
-    """Return the mean distance of lattice neighbours for step 1 (1 where equilateral)."""
-    return float((1 + 2 * np.hypot(0.5, row_ratio)) / 3)
-
-
 def check_directions(row_ratio: float, turn: float) -> None:
     """Refuse a lattice one of whose edge families meets an asymptotic direction.
 
@@ -75,12 +69,8 @@ def check_directions(row_ratio: float, turn: float) -> None:
     ------
     LatticeError
     """
-    slant = np.degrees(np.arctan(2 * row_ratio))
-    directions = np.array([turn, turn + slant, turn - slant])
-    folded = np.abs((directions + 90) % 180 - 90)  # angle to the first principal direction
-    near = float(np.abs(folded - 45).min())
-    inside = int(np.count_nonzero(folded < 45))
-    if near < MARGIN_DEG or inside not in (1, 2):
+    near, inside = asymptotic_gap(row_ratio, turn)
+    if near < ASYMPTOTIC_MARGIN or inside not in (1, 2):
         raise LatticeError(
             f"lattice.turn = {turn:g}°, lattice.row_ratio = {row_ratio:g}: an edge family runs "
             f"{near:.1f}° from an asymptotic direction, where panel edges vanish; keep turn near "

@@ -17,8 +17,8 @@ from phexfab.errors import LatticeError, MeshError, SolveError
 from phexfab.linalg import factorise
 from phexfab.mesh.measures import mean_edge, planarity
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.remesh.lattice import EQUILATERAL
 from phexfab.surface.weierstrass import MinimalSurface, Rectangle
+from phexfab.triangular import EQUILATERAL
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

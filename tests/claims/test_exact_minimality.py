@@ -14,9 +14,10 @@ from phexfab.parallel.offset import (
     offset,
     offset_defect,
 )
-from phexfab.remesh.lattice import EQUILATERAL, lattice
+from phexfab.remesh.lattice import lattice
 from phexfab.surface.catalog import catalog, surface
 from phexfab.testing import assert_minimal, assert_parallel, assert_planar, assert_simple
+from phexfab.triangular import EQUILATERAL
 
 KINDS = ("face", "edge", "vertex")
 

@@ -12,9 +12,10 @@ from phexfab.minimal.conformal import christoffel_dual, conformal_gauss_image
 from phexfab.minimal.shell import lattice_on, minimal_shell, tangent_shell
 from phexfab.parallel.curvature import pair_curvatures, pair_mixed_areas
 from phexfab.parallel.edge_curvature import edge_vectors
-from phexfab.remesh.lattice import EQUILATERAL, lattice
+from phexfab.remesh.lattice import lattice
 from phexfab.surface.catalog import surface
 from phexfab.surface.construct import associate as smooth_associate
+from phexfab.triangular import EQUILATERAL
 
 KINDS = ("face", "edge", "vertex")
 STEPS = (0.16, 0.08, 0.04, 0.02)

@@ -15,8 +15,9 @@ from phexfab.parallel.curvature import (
     principal_curvatures,
     shell_curvatures,
 )
-from phexfab.remesh.lattice import EQUILATERAL, lattice
+from phexfab.remesh.lattice import lattice
 from phexfab.surface.catalog import surface
+from phexfab.triangular import EQUILATERAL
 
 SMOOTH = surface("enneper").scaled(1000.0)
 SHELL = minimal_shell(SMOOTH, lattice_on(SMOOTH, 100.0), "face")

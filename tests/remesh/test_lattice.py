@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from phexfab.errors import LatticeError
 from phexfab.parallel.rings import border_loops, face_rings
-from phexfab.remesh.lattice import EQUILATERAL, check_directions, lattice, mean_distance
+from phexfab.remesh.lattice import check_directions, lattice
+from phexfab.triangular import EQUILATERAL, mean_distance
 
 PERIOD = 2j * np.pi
 
