@@ -127,17 +127,19 @@ def build(design: DesignLike, progress: Progress | None = None) -> Build:
     smooth = smooth_surface(asked)
     say("shell", 0, 0)
     shell, index = _shell(asked, smooth)
+    distance = offset_distance(asked, shell)
+    offset(shell, distance)  # refuses a distance beyond the limits
     say("parts", 0, 0)
     parts = _parts(asked, shell)
     say("checks", 0, 0)
     limits = Limits(**asked.checks.limits())
-    distance = offset_distance(asked, shell)
     deviation = surface_distance(smooth, shell)
     checks = (
         *check_geometry(shell, limits, surface_distance=deviation, offset_distance=distance),
         *check_parts(parts, shell, limits, stocks=stocks(asked)),
     )
-    return Build(asked, smooth, shell, parts, checks, _figures(asked, shell, parts, index))
+    figures = _figures(asked, shell, parts, distance, index)
+    return Build(asked, smooth, shell, parts, checks, figures)
 
 
 def check(design: DesignLike, progress: Progress | None = None) -> tuple[CheckResult, ...]:
@@ -266,7 +268,6 @@ def _shell(design: Design, smooth: MinimalSurface) -> tuple[Shell, int | None]:
     start = tangent_shell(smooth, lattice, design.offset.type)
     solver = MinimalSolver.of(start)
     shell = start.with_heights(solver.solve(start.heights))
-    offset(shell, offset_distance(design, shell))  # refuses a distance beyond the limits
     return shell, solver.index
 
 
@@ -277,7 +278,9 @@ def _parts(design: Design, shell: Shell) -> Parts:
     return Parts(panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel))
 
 
-def _figures(design: Design, shell: Shell, parts: Parts, index: int | None) -> Figures:
+def _figures(
+    design: Design, shell: Shell, parts: Parts, distance: float, index: int | None
+) -> Figures:
     """Return the key figures of a build, in the order in which they are read."""
     panel, beam, _ = specs(design)
     low, high = admissible_interval(shell)
@@ -298,7 +301,7 @@ def _figures(design: Design, shell: Shell, parts: Parts, index: int | None) -> F
         "beam length": (sum(part.length for part in parts.beams) / 1e3, "m"),
         **{f"mass of {name}": (value, "kg") for name, value in masses.items()},
         "offset type": (shell.kind, ""),
-        "offset distance": (offset_distance(design, shell), "mm"),
+        "offset distance": (distance, "mm"),
         "offset at least": (low, "mm"),
         "offset at most": (high, "mm"),
         "lattice step": (shell.step, ""),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from phexfab.errors import PartError
 from phexfab.fabrication.parts import Solid
+from phexfab.fabrication.polyhedra import cross
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -114,12 +115,6 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    x, y, z = (a[..., k] for k in range(3))
-    u, v, w = (b[..., k] for k in range(3))
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-
-
 def _batch(shape: Topology, index: IntArray, points: FloatArray, marks: Sequence[str]) -> Batch:
     """Measure solids of one topology; refuse those that no kernel could hold."""
 
@@ -146,7 +141,7 @@ def _batch(shape: Topology, index: IntArray, points: FloatArray, marks: Sequence
     for f, face in enumerate(shape.faces):
         # Relative to a corner, so that parts far from the origin lose no digits.
         corners = points[:, face] - points[:, None, face[0]]
-        area = _cross(corners[:, 1:-1], corners[:, 2:]).sum(axis=1)
+        area = cross(corners[:, 1:-1], corners[:, 2:]).sum(axis=1)
         size = np.sqrt(_dot(area, area))
         refuse(size <= TOLERANCE**2, f"mm² is twice the area of face {f}; remove the face", size)
         normals[:, f] = area / size[:, None]

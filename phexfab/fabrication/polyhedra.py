@@ -53,7 +53,7 @@ def _batches(solids: Sequence[Solid]) -> Iterator[tuple[IntArray, FloatArray, Fa
             yield np.array(part), np.stack([solids[i].vertices for i in part]), faces
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return a × b along the last axis; several times faster than numpy's on many short rows."""
     return np.stack(
         [
@@ -78,7 +78,7 @@ def volumes(solids: Sequence[Solid]) -> FloatArray:
         # Measured from the middle, so that a part far from the origin loses no digits.
         v = vertices - vertices.mean(axis=1, keepdims=True)
         a, b, c = (v[:, corner] for corner in _fan(faces)[0].T)
-        out[index] = np.einsum("nti,nti->n", a, _cross(b, c)) / 6.0
+        out[index] = np.einsum("nti,nti->n", a, cross(b, c)) / 6.0
     return out
 
 
@@ -98,7 +98,7 @@ def centroids(solids: Sequence[Solid]) -> FloatArray:
         middle = vertices.mean(axis=1, keepdims=True)
         v = vertices - middle
         a, b, c = (v[:, corner] for corner in _fan(faces)[0].T)
-        weight = np.einsum("nti,nti->nt", a, _cross(b, c))
+        weight = np.einsum("nti,nti->nt", a, cross(b, c))
         moment = np.einsum("nt,nti->ni", weight, a + b + c) / 4.0
         out[index] = middle[:, 0] + moment / weight.sum(axis=1, keepdims=True)
     return out
@@ -128,7 +128,7 @@ def _area_vectors(vertices: FloatArray, faces: Faces) -> FloatArray:
     """Return the (N, faces, 3) area vectors, outward, mm²."""
     triangles, begin = _fan(faces)
     a, b, c = (vertices[:, corner] for corner in triangles.T)
-    summed: FloatArray = np.add.reduceat(_cross(b - a, c - a), begin, axis=1)
+    summed: FloatArray = np.add.reduceat(cross(b - a, c - a), begin, axis=1)
     return summed / 2.0
 
 

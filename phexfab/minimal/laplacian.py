@@ -26,9 +26,10 @@ from phexfab.linalg import Factor, factorise
 from phexfab.parallel.shell import Shell
 
 FloatArray = NDArray[np.float64]
+Weights = tuple[FloatArray, FloatArray]
 
 
-def _weights(shell: Shell) -> tuple[FloatArray, FloatArray]:
+def _weights(shell: Shell) -> Weights:
     """Return ℓ/(2 sin t) and cos t of every panel corner's edge to the neighbour beyond it."""
     panels, _, _, neighbours = shell.rings
     mesh, s = shell.mesh, shell.gauss.vertices
@@ -46,7 +47,7 @@ def _weights(shell: Shell) -> tuple[FloatArray, FloatArray]:
     return length / sine / 2, np.einsum("ij,ij->i", n_f, n_g)
 
 
-def mixed_area_matrix(shell: Shell) -> sp.csr_matrix:
+def mixed_area_matrix(shell: Shell, weights: Weights | None = None) -> sp.csr_matrix:
     """Return the (P, F) sparse matrix A with ``A @ heights = area(M_f, S_f)`` for every panel.
 
     Raises
@@ -55,7 +56,7 @@ def mixed_area_matrix(shell: Shell) -> sp.csr_matrix:
         If two neighbours have the same normal.
     """
     panels, _, _, neighbours = shell.rings
-    weight, cosine = _weights(shell)
+    weight, cosine = _weights(shell) if weights is None else weights
     row = shell.mesh.face_of_corner
     n = len(panels)
     shape = (n, len(shell.normals))
@@ -64,14 +65,16 @@ def mixed_area_matrix(shell: Shell) -> sp.csr_matrix:
     return (off + sp.csr_matrix((diagonal, (np.arange(n), panels)), shape=shape)).tocsr()
 
 
-def local_mixed_areas(shell: Shell, heights: FloatArray) -> FloatArray:
+def local_mixed_areas(
+    shell: Shell, heights: FloatArray, weights: Weights | None = None
+) -> FloatArray:
     """Return the same areas with heights over a corner of each panel instead of the origin.
 
     Equal to ``mixed_area_matrix(shell) @ heights`` but for rounding, which then grows with the
     size of a panel and not with its distance from the origin.
     """
     panels, starts, _, neighbours = shell.rings
-    weight, cosine = _weights(shell)
+    weight, cosine = _weights(shell) if weights is None else weights
     mesh = shell.with_heights(heights).mesh
     row = mesh.face_of_corner
     origin = mesh.vertices[mesh.corners[starts[:-1]]][row]
@@ -90,6 +93,7 @@ class MinimalSolver:
     coupling: sp.csr_matrix
     factor: Factor
     sign: float
+    weights: Weights
 
     @classmethod
     def of(cls, shell: Shell) -> MinimalSolver:
@@ -100,14 +104,15 @@ class MinimalSolver:
         SolveError
             If the system is singular.
         """
-        matrix = mixed_area_matrix(shell)
+        weights = _weights(shell)
+        matrix = mixed_area_matrix(shell, weights)
         is_panel = np.zeros(len(shell.normals), bool)
         is_panel[shell.panels] = True
         border = np.flatnonzero(~is_panel)
         # −½(Δ + 2) up to sign: positive definite exactly where the surface is stable.
         sign = 1.0 if matrix[:, shell.panels].diagonal().sum() > 0 else -1.0
         inner = sign * matrix[:, shell.panels]
-        return cls(shell, border, sign * matrix[:, border], factorise(inner), sign)
+        return cls(shell, border, sign * matrix[:, border], factorise(inner), sign, weights)
 
     def solve(self, heights: FloatArray) -> FloatArray:
         """Return (F,) heights: those given on the border planes, H_f = 0 on every panel."""
@@ -115,7 +120,7 @@ class MinimalSolver:
         right = -(self.coupling @ solved[self.border])
         solved[self.shell.panels] = self.factor.solve(right)
         for _ in range(2):  # refine with residuals that do not know where the origin is
-            residual = self.sign * local_mixed_areas(self.shell, solved)
+            residual = self.sign * local_mixed_areas(self.shell, solved, self.weights)
             solved[self.shell.panels] -= self.factor.solve(residual)
         return solved
 

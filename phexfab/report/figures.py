@@ -103,7 +103,7 @@ def shell_figure(
     Parameters
     ----------
     field : str
-        ``"Gaussian curvature"``, ``"Panel area"`` or ``"Mean edge"``.
+        A name of ``panel_fields``: a curvature, ``"Panel area"`` or ``"Mean edge"``.
     """
     layer = mesh_layer("shell", shell.mesh, face_marks(shell, ()), _field(shell, field).colours)
     return render(
