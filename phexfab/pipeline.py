@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import fsum
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -286,9 +287,9 @@ def _figures(
     low, high = admissible_interval(shell)
     size = np.ptp(shell.mesh.vertices, axis=0)
     masses = {
-        "panels": sum(part.mass for part in parts.panels),
-        "beams": sum(part.mass for part in parts.beams),
-        "nodes": sum(part.mass for part in parts.nodes),
+        "panels": fsum(part.mass for part in parts.panels),
+        "beams": fsum(part.mass for part in parts.beams),
+        "nodes": fsum(part.mass for part in parts.nodes),
     }
     figures: dict[str, tuple[float | int | str, str]] = {
         "panels": (len(parts.panels), ""),
@@ -297,8 +298,8 @@ def _figures(
         "size x": (float(size[0]), "mm"),
         "size y": (float(size[1]), "mm"),
         "size z": (float(size[2]), "mm"),
-        "panel area": (sum(part.area for part in parts.panels) / 1e6, "m²"),
-        "beam length": (sum(part.length for part in parts.beams) / 1e3, "m"),
+        "panel area": (fsum(part.area for part in parts.panels) / 1e6, "m²"),
+        "beam length": (fsum(part.length for part in parts.beams) / 1e3, "m"),
         **{f"mass of {name}": (value, "kg") for name, value in masses.items()},
         "offset type": (shell.kind, ""),
         "offset distance": (distance, "mm"),

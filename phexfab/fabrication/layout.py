@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from math import fsum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ def placed(contour: FloatArray, placement: Placement) -> FloatArray:
 def sheet_yield(sheet: Sheet, flats: Iterable[FlatPart]) -> float:
     """Return the share of the sheet's area that becomes parts (0 to 1)."""
     parts = {flat.mark: flat for flat in flats}
-    area = sum(_area(parts[p.mark].outline) for p in sheet.placements)
+    area = fsum(_area(parts[p.mark].outline) for p in sheet.placements)
     return area / (sheet.stock.length * sheet.stock.width)
 
 
