@@ -36,6 +36,11 @@ class Lattice:
         Distance of neighbours in a row; distance of rows divided by it.
     closed : bool
         True when the lattice closes up around the surface's period.
+    parameters : (F,) complex or None
+        The surface's parameters z of the points where they are known already: a lattice that is
+        grown on a film, where w is no global coordinate and ``points`` are these parameters.
+    density : (F,) float or None
+        ``|dw̃/dw|``, where the lattice is regular in w̃ rather than in w itself; None for 1.
     """
 
     points: ComplexArray
@@ -44,6 +49,8 @@ class Lattice:
     step: float
     row_ratio: float
     closed: bool = False
+    parameters: ComplexArray | None = None
+    density: NDArray[np.float64] | None = None
 
     @property
     def neighbour_distance(self) -> float:

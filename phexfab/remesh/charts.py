@@ -1,0 +1,276 @@
+"""An atlas of a lattice coordinate w̃ = ∫ √(quantity) dz: power series that cover a domain.
+
+Every zero of the quantity has a chart about itself, and the rest is covered by squares of a
+quadtree, each so small that w̃ is one-to-one on it and its Taylor series has converged. About a
+zero of order m, ``w̃ = τ^p`` with p = (m+2)/2 and ``τ = t S(t)`` analytic and one-to-one in
+t = z - centre; elsewhere p = 1. So both directions, w̃(z) and z(w̃), cost a short series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phexfab.surface.domain import Disc
+from phexfab.surface.holomorphic import ComplexArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Quantity = Callable[[ComplexArray], ComplexArray]
+
+SAMPLES = 64
+TERMS = 32
+CIRCLE = np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)
+CIRCLE_BY_CELL = 1.6  # radius of the sampled circle, in half diagonals of the square
+TRUST = 1 / 1.28  # of the circle's radius: there the series has converged to rounding
+TAIL = 1e-11  # size of the last terms on the circle
+UNIVALENT = 0.7  # |dτ/dt - 1| on the circle: w̃ is one-to-one inside
+DEEPEST = 22
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """Charts of w̃ and the squares of the quadtree that they own.
+
+    Attributes
+    ----------
+    centre : (C,) complex
+    power : (C,) float
+        p.
+    series : (C, TERMS) complex
+        Coefficients of S in ``t / trust``.
+    trust : (C,) float
+        Radius within which the series holds.
+    half : (C,) float
+        Half the side of the square that the chart owns; infinite for charts of several squares.
+    keys, owner : (L,) int
+        The squares, sorted, and the chart of each.
+    corner, side : complex, float
+        Lower left corner and side of the quadtree.
+    """
+
+    centre: ComplexArray
+    power: FloatArray
+    series: ComplexArray
+    trust: FloatArray
+    half: FloatArray
+    keys: IntArray
+    owner: IntArray
+    corner: complex
+    side: float
+
+    @cached_property
+    def levels(self) -> list[int]:
+        """Depths at which there are squares."""
+        return sorted({int(level) for level in self.keys >> 48})
+
+    def chart_at(self, z: ComplexArray) -> IntArray:
+        """Return the chart that owns each of ``z``; -1 where nothing is covered."""
+        away = (z - self.corner) / self.side
+        chart = np.full(z.shape, -1)
+        inside = (away.real >= 0) & (away.real < 1) & (away.imag >= 0) & (away.imag < 1)
+        todo = np.flatnonzero(inside)
+        for level in self.levels:
+            if not len(todo):
+                break
+            key = _key(
+                level,
+                (away.real[todo] * 2.0**level).astype(np.int64),
+                (away.imag[todo] * 2.0**level).astype(np.int64),
+            )
+            slot = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
+            hit = self.keys[slot] == key
+            chart[todo[hit]] = self.owner[slot[hit]]
+            todo = todo[~hit]
+        return chart
+
+    def tau(self, chart: IntArray, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return τ and dτ/dz at places in charts."""
+        x = (z - self.centre[chart]) / self.trust[chart]
+        value, slope = np.zeros(x.shape, complex), np.zeros(x.shape, complex)
+        table = self.series[chart].T
+        for k in range(TERMS - 1, -1, -1):
+            slope = slope * x + value
+            value = value * x + table[k]
+        return value * x * self.trust[chart], value + slope * x
+
+    def coordinate(self, chart: IntArray, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return w̃ and dw̃/dz at places in charts, on one of the roots."""
+        tau, slope = self.tau(chart, z)
+        p = self.power[chart]
+        bent = p != 1.0
+        w, factor = tau.copy(), np.ones(tau.shape, complex)
+        w[bent] = tau[bent] ** p[bent]
+        with np.errstate(all="ignore"):
+            factor[bent] = p[bent] * w[bent] / tau[bent]
+        return w, factor * slope
+
+    def place(self, chart: IntArray, tau: ComplexArray) -> tuple[ComplexArray, BoolArray]:
+        """Return the z in each chart with a given τ, and whether it lies where the chart holds."""
+        trust, lead = self.trust[chart], self.series[chart, 0]
+        t = tau / lead
+        far = np.abs(t) > 8 * trust
+        t = np.where(far, 0.0, t * np.minimum(1, trust / np.maximum(np.abs(t), 1e-300)))
+        todo = np.flatnonzero(~far)
+        for step in range(40):
+            own = chart[todo]
+            value, slope = self.tau(own, self.centre[own] + t[todo])
+            # dτ/dt stays near its middle value: these steps contract; Newton ends them.
+            change = (tau[todo] - value) / (lead[todo] if step < 2 else slope)
+            moved = t[todo] + change
+            size = np.abs(moved)
+            t[todo] = moved * np.minimum(1, 1.25 * trust[todo] / np.maximum(size, 1e-300))
+            alive = np.abs(change) > 1e-9 * trust[todo]
+            todo = todo[alive]
+            if not len(todo):
+                break
+        lost = far
+        lost[todo] = True
+        own_t = np.where(lost, 0.0, t)
+        value, slope = self.tau(chart, self.centre[chart] + own_t)
+        own_t = own_t + np.where(lost, 0.0, (tau - value) / slope)
+        return self.centre[chart] + own_t, ~lost & (np.abs(own_t) <= trust)
+
+
+def _key(level: int, column: IntArray, row: IntArray) -> IntArray:
+    return (level << 48) + (column << 24) + row
+
+
+def build_atlas(quantity: Quantity, domain: Disc, places: ComplexArray, orders: IntArray) -> Atlas:
+    """Return charts that cover a domain.
+
+    Parameters
+    ----------
+    quantity : callable
+        The square of dw̃/dz.
+    domain : Disc
+        Squares that rounding cannot resolve, beside a zero just outside, stay uncovered.
+    places, orders : (n,) complex, (n,) int
+        Its zeros in the domain.
+    """
+    side = 2.06 * domain.radius
+    corner = domain.centre - domain.radius * (1.031 + 1.0293j)
+    with np.errstate(all="ignore"):
+        scale = float(np.abs(quantity(domain.grid(24))).max())
+    centre, power, series, trust = _zero_charts(quantity, domain, places, orders, scale)
+    half_of = [np.full(len(centre), np.inf)]
+    parts = [(centre, power, series, trust)]
+    count = len(centre)
+    keys, owners = [], []
+    column = row = np.zeros(1, np.int64)
+    for level in range(DEEPEST):
+        half = side / 2 ** (level + 1)
+        diagonal = half * np.sqrt(2)
+        middle = corner + (2 * column + 1) * half + 1j * (2 * row + 1) * half
+        near = ~_apart(domain, middle, diagonal)
+        column, row, middle = column[near], row[near], middle[near]
+        if not len(middle):
+            break
+        mine = np.full(len(middle), -1)
+        for k in range(len(centre)):
+            covered = np.abs(middle - centre[k]) + diagonal <= 0.8 * trust[k]
+            mine[covered] = k
+        free = np.flatnonzero(mine < 0)
+        orders = np.zeros(len(free), np.int64)
+        made, good = _series(quantity, middle[free], CIRCLE_BY_CELL * diagonal, orders, scale)
+        for c in centre:  # a square that holds a zero has to wait
+            good &= np.abs(middle[free] - c) > CIRCLE_BY_CELL * diagonal
+        new = free[good]
+        mine[new] = count + np.arange(len(new))
+        count += len(new)
+        radius = np.full(len(new), CIRCLE_BY_CELL * diagonal * TRUST)
+        parts.append((middle[new], np.ones(len(new)), made[good], radius))
+        half_of.append(np.full(len(new), half))
+        done = mine >= 0
+        keys.append(_key(level, column[done], row[done]))
+        owners.append(mine[done])
+        column, row = (
+            (2 * a[~done, None] + np.array(step)).ravel()
+            for a, step in ((column, [0, 1, 0, 1]), (row, [0, 0, 1, 1]))
+        )
+    key, owner = np.concatenate(keys), np.concatenate(owners)
+    order = np.argsort(key, kind="stable")
+    return Atlas(
+        np.concatenate([p[0] for p in parts]),
+        np.concatenate([p[1] for p in parts]),
+        np.concatenate([p[2] for p in parts]),
+        np.concatenate([p[3] for p in parts]),
+        np.concatenate(half_of),
+        key[order],
+        owner[order],
+        corner,
+        side,
+    )
+
+
+def _apart(domain: Disc, middle: ComplexArray, reach: float) -> BoolArray:
+    away = np.abs(middle - domain.centre) > domain.radius + reach
+    for c, r in domain.holes:
+        away |= np.abs(middle - c) + reach < r
+    return np.asarray(away)
+
+
+def _zero_charts(
+    quantity: Quantity, domain: Disc, centre: ComplexArray, orders: IntArray, scale: float
+) -> tuple[ComplexArray, FloatArray, ComplexArray, FloatArray]:
+    series = np.zeros((len(centre), TERMS), complex)
+    trust = np.zeros(len(centre))
+    for k in range(len(centre)):
+        others = np.abs(np.delete(centre, k) - centre[k])
+        radius = min(2.2 * domain.radius, 0.9 * others.min(initial=np.inf))
+        for _ in range(60):
+            made, good = _series(quantity, centre[k : k + 1], radius, orders[k : k + 1], scale)
+            if good[0]:
+                series[k], trust[k] = made[0], radius * TRUST
+                break
+            radius *= 0.85
+    return centre, np.asarray(0.5 * orders + 1, float), series, trust
+
+
+def _series(
+    quantity: Quantity, centre: ComplexArray, radius: float, orders: IntArray, scale: float
+) -> tuple[ComplexArray, BoolArray]:
+    """Return S of each chart, in t/trust, and which of them hold."""
+    if not len(centre):
+        return np.zeros((0, TERMS), complex), np.zeros(0, bool)
+    t = radius * CIRCLE
+    with np.errstate(all="ignore"):
+        values = quantity(centre[:, None] + t)
+        noise = 40 * np.finfo(float).eps * scale / np.abs(values).min(1)
+        values = values / t ** orders[:, None]
+        good = np.isfinite(values).all(1) & (np.abs(values).min(1) > 0)
+        values = np.where(good[:, None], values, 1.0)
+        ratio = np.roll(values, -1, axis=1) / values
+        turns = np.angle(ratio)
+        good &= (np.abs(turns).max(1) < 1.5) & (np.abs(turns.sum(1)) < 1.0)
+        # The root, continuous around the circle: Q = t^m q(t), √q = Σ r_k t^k.
+        phase = np.angle(values[:, :1]) + np.cumsum(turns, axis=1) - turns
+        root = np.sqrt(np.abs(values)) * np.exp(0.5j * phase)
+        r = np.fft.fft(root, axis=1) / SAMPLES
+        tail = np.abs(r[:, TERMS:]).max(1) / np.abs(r[:, 0])
+        good &= tail <= np.maximum(TAIL, np.minimum(noise, 1e-8))
+        # w̃ = t^p Σ r_k t^k / (k + p) = (t S)^p
+        p = 0.5 * (orders + 2.0)[:, None]
+        k = np.arange(TERMS)
+        scaled = np.zeros_like(r)
+        scaled[:, :TERMS] = r[:, :TERMS] / (k + p)
+        whole = np.fft.ifft(scaled, axis=1) * SAMPLES
+        s = scaled[:, :1] ** (1 / p) * (whole / scaled[:, :1]) ** (1 / p)
+        coefficients = np.fft.fft(s, axis=1) / SAMPLES
+        slope = (
+            np.fft.ifft(
+                np.where(np.arange(SAMPLES) < TERMS, coefficients * (np.arange(SAMPLES) + 1), 0),
+                axis=1,
+            )
+            * SAMPLES
+        )
+        good &= np.abs(slope / coefficients[:, :1] - 1).max(1) <= UNIVALENT
+        good &= np.abs(np.angle(whole / scaled[:, :1])).max(1) < 1.2
+        tail = np.abs(coefficients[:, TERMS:]).max(1) / np.abs(coefficients[:, 0])
+        good &= tail <= np.maximum(TAIL, np.minimum(noise, 1e-8))
+    return np.nan_to_num(coefficients[:, :TERMS]) * TRUST**k, good

@@ -1,0 +1,361 @@
+"""Umbilics: all zeros of the Hopf differential Q in a domain, with their orders.
+
+The phase of Q turns once around a square for every zero inside (argument principle). Squares that
+hold zeros are cut in four until a circle holds one zero, simple or multiple; its place then is the
+zero of the last derivative that vanishes, found by Newton on Taylor coefficients. Zeros that
+rounding cannot tell apart are one zero of higher order.
+
+References
+----------
+Delves, Lyness, *A numerical method for locating the zeros of an analytic function* (1967);
+Kravanja, Van Barel, *Computing the Zeros of Analytic Functions* (2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phexfab.errors import SurfaceError
+from phexfab.surface.continuation import describe
+from phexfab.surface.domain import Disc
+from phexfab.surface.holomorphic import ComplexArray, show
+from phexfab.surface.weierstrass import MinimalSurface
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Quantity = Callable[[ComplexArray], ComplexArray]
+
+CELLS = (6, 12, 24, 48)  # squares along the first grid; the next one where the count is wrong
+SAMPLES = 64
+CIRCLE = np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)
+HALVINGS, MOST_OPEN = 36, 4096  # of the pieces between samples; pieces of a loop left to halve
+ALIKE = 0.7  # |Q_next/Q - 1| of neighbouring samples, so that no turn of the phase is missed
+SMALLEST = 1e-9  # of the radius: a square that small is a point
+UNRESOLVED = -(10**6)
+
+
+@dataclass(frozen=True, eq=False)
+class Umbilics:
+    """Zeros of the Hopf differential.
+
+    Attributes
+    ----------
+    places : (n,) complex
+        In z, sorted by real part, then imaginary part.
+    orders : (n,) int
+        A panel there has ``3 (order + 2)`` sides.
+    """
+
+    places: ComplexArray = field(default_factory=lambda: np.zeros(0, complex))
+    orders: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+def umbilics(surface: MinimalSurface, domain: Disc) -> Umbilics:
+    """Return all umbilics of a surface in a domain, to rounding.
+
+    Parameters
+    ----------
+    surface : MinimalSurface
+        Analytic in the domain and a hair beyond its border.
+    domain : Disc
+
+    Raises
+    ------
+    SurfaceError
+        If the domain holds a branch point or an end (the message names place and order), or Q is
+        zero throughout (a plane).
+    """
+    found = hopf_zeros(surface.hopf, domain, surface.name)
+    for place, order in zip(found.places, found.orders, strict=True):
+        branch = branch_order(surface, complex(place))
+        if branch:
+            raise SurfaceError(
+                f"{surface.name}: z = {show(complex(place))} is a branch point of order {branch} "
+                f"(a zero of order {int(order)} of the Hopf differential): the tangent plane winds "
+                f"{branch + 1} times there and a panel would cross itself; choose a domain without "
+                "it, or another rim"
+            )
+    return found
+
+
+def hopf_zeros(quantity: Quantity, domain: Disc, name: str = "surface") -> Umbilics:
+    """Return the zeros of an analytic function in a domain, with their orders.
+
+    Parameters
+    ----------
+    quantity : callable
+        Of complex arrays.
+    domain : Disc
+    name : str
+        For messages.
+
+    Raises
+    ------
+    SurfaceError
+        If there is a pole inside, or the function is zero throughout.
+    """
+    with np.errstate(all="ignore"):
+        values = np.abs(quantity(domain.grid(16)))
+    if not np.any(values > 0):
+        raise SurfaceError(
+            f"{name}: the Hopf differential vanishes throughout: a plane has no curvature lines"
+        )
+    wide, turns = _turns_of_border(quantity, domain)
+    total = int(turns[0] - turns[1:].sum())
+    for cells in CELLS:
+        found = _search(quantity, wide, turns[1:], cells, name)
+        inside = wide.contains(found.places)
+        if (turns == UNRESOLVED).any() or int(found.orders[inside].sum()) == total:
+            keep = domain.contains(found.places, 1e-13 * domain.radius)
+            places, orders = found.places[keep], found.orders[keep]
+            speck = 1e-9 * domain.radius
+            order = np.lexsort((np.round(places.imag / speck), np.round(places.real / speck)))
+            return Umbilics(places[order], orders[order])
+    raise SurfaceError(
+        f"{name}: the Hopf differential winds {total} times around the domain, but its zeros "
+        f"count {int(found.orders[inside].sum())}: the surface is not analytic in the domain "
+        "(an end or a branch cut lies inside)"
+    )
+
+
+def branch_order(surface: MinimalSurface, z: complex, radius: float = 0.02) -> int:
+    """Return the order of the branch point at ``z``: that of the zero of φ, 0 where there is none.
+
+    Parameters
+    ----------
+    surface : MinimalSurface
+    z : complex
+        An umbilic.
+    radius : float
+        Of the circle that is sampled; reduced until φ is analytic on it.
+    """
+    for _ in range(8):
+        try:
+            phi = surface.tangent(z + radius * CIRCLE)
+        except SurfaceError:
+            phi = np.full((SAMPLES, 3), np.nan)
+        taylor = np.abs(np.fft.fft(phi, axis=0)).max(1) / SAMPLES
+        if np.all(taylor[SAMPLES // 4 :] <= 1e-11 * taylor.max()):
+            break
+        radius /= 3
+    return int(np.flatnonzero(taylor > 1e-9 * taylor.max())[0])
+
+
+def windings(
+    quantity: Quantity, loops: Callable[[IntArray, FloatArray], ComplexArray], n: int
+) -> IntArray:
+    """Return how often the phase of a function turns along each of ``n`` closed ways.
+
+    Parameters
+    ----------
+    quantity : callable
+    loops : callable
+        Maps (k,) numbers of ways and (k,) numbers in [0, 1] to (k,) places.
+    n : int
+
+    Returns
+    -------
+    (n,) int
+        ``UNRESOLVED`` where a way meets a zero or a pole.
+    """
+    s = np.tile(np.arange(SAMPLES + 1) / SAMPLES, (n, 1))
+    owner = np.repeat(np.arange(n), SAMPLES + 1)
+    with np.errstate(all="ignore"):
+        q = quantity(loops(owner, s.ravel())).reshape(s.shape)
+    q[:, -1] = q[:, 0]
+    owner = np.repeat(np.arange(n), SAMPLES)
+    s0, s1 = s[:, :-1].ravel(), s[:, 1:].ravel()
+    q0, q1 = q[:, :-1].ravel(), q[:, 1:].ravel()
+    turns = np.zeros(n)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (s0 + s1)
+        # Both halves must be quiet: a piece that turns once in all looks quiet from its ends.
+        with np.errstate(all="ignore"):
+            q = quantity(loops(owner, middle))
+            first, second = q / q0, q1 / q
+            good = (np.abs(first - 1) <= ALIKE) & (np.abs(second - 1) <= ALIKE)
+        angle = np.angle(first[good]) + np.angle(second[good])
+        np.add.at(turns, owner[good], angle / (2 * np.pi))
+        left = ~good
+        owner, s0, s1, middle = owner[left], s0[left], s1[left], middle[left]
+        q0, q1, q = q0[left], q1[left], q[left]
+        if not len(owner) or len(owner) > MOST_OPEN * n:
+            break
+        owner = np.concatenate([owner, owner])
+        s0, s1 = np.concatenate([s0, middle]), np.concatenate([middle, s1])
+        q0, q1 = np.concatenate([q0, q]), np.concatenate([q, q1])
+    result = np.round(turns).astype(np.int64)
+    result[owner] = UNRESOLVED
+    return result
+
+
+def _turns_of_border(quantity: Quantity, domain: Disc) -> tuple[Disc, IntArray]:
+    """Return a domain a hair wider, on whose border Q has no zero, and how Q winds around it."""
+    for nudge in (0.0, 1e-9, 1e-8, 1e-7, 1e-6):
+        holes = tuple((c, r * (1 - nudge)) for c, r in domain.holes)
+        wide = Disc(domain.centre, domain.radius * (1 + nudge), holes)
+        circles = np.array([(wide.centre, wide.radius), *wide.holes])
+
+        def loops(k: IntArray, s: FloatArray, at: ComplexArray = circles) -> ComplexArray:
+            return at[k, 0] + at[k, 1] * np.exp(2j * np.pi * s)
+
+        turns = windings(quantity, loops, len(circles))
+        if (turns != UNRESOLVED).all():
+            break
+    return wide, turns
+
+
+def _clipped(domain: Disc, z: ComplexArray) -> ComplexArray:
+    """Return ``z`` with what lies outside moved radially to the domain's border.
+
+    A loop keeps its winding numbers about all places inside, as nothing is moved across them.
+    """
+    arm = z - domain.centre
+    z = np.where(np.abs(arm) > domain.radius, domain.centre + domain.radius * _unit(arm), z)
+    for c, r in domain.holes:
+        z = np.where(np.abs(z - c) < r, c + r * _unit(z - c), z)
+    return z
+
+
+def _unit(z: ComplexArray) -> ComplexArray:
+    return np.exp(1j * np.angle(z))
+
+
+def _square(s: FloatArray) -> ComplexArray:
+    """Return the border of the square |x|, |y| <= 1 at numbers in [0, 1)."""
+    side = np.minimum(np.floor(4 * s), 3).astype(int)
+    return (1 - 1j + 2j * (4 * s - side)) * 1j**side
+
+
+def _cell_turns(
+    quantity: Quantity, domain: Disc, holes: IntArray, centre: ComplexArray, half: float
+) -> IntArray:
+    """Return how many zeros the domain has in squares, a little larger where one is on the border.
+
+    Parameters
+    ----------
+    quantity, domain
+    holes : int array
+        How Q winds around the holes.
+    centre : (n,) complex
+    half : float
+        Half the side of the squares.
+    """
+    turns = np.full(len(centre), UNRESOLVED)
+    for grow in (1.0, 1.013, 1.041, 1.09):
+        todo = np.flatnonzero(turns == UNRESOLVED)
+        if not len(todo):
+            break
+        at, size = centre[todo], half * grow
+
+        def loops(
+            k: IntArray, s: FloatArray, at: ComplexArray = at, size: float = size
+        ) -> ComplexArray:
+            return _clipped(domain, at[k] + size * _square(s))
+
+        found = windings(quantity, loops, len(todo))
+        for (c, _), around in zip(domain.holes, holes, strict=True):
+            away = c - at
+            inside = np.maximum(np.abs(away.real), np.abs(away.imag)) < size
+            found[inside & (found != UNRESOLVED)] -= around
+        turns[todo] = found
+    return turns
+
+
+def _outside(domain: Disc, centre: ComplexArray, reach: float) -> NDArray[np.bool_]:
+    """Return which discs of radius ``reach`` lie wholly outside the domain."""
+    away = np.abs(centre - domain.centre) > domain.radius + reach
+    for c, r in domain.holes:
+        away |= np.abs(centre - c) + reach < r
+    return np.asarray(away)
+
+
+def _search(quantity: Quantity, domain: Disc, holes: IntArray, cells: int, name: str) -> Umbilics:
+    size = 1.07 * domain.radius
+    x = (np.arange(cells) + 0.5) / cells * 2 - 1
+    # Off the centre, so that no line of the grid is a symmetry of the surface.
+    corner = domain.centre + domain.radius * (0.01370 + 0.02113j)
+    centre: ComplexArray = np.asarray(corner + size * (x[:, None] + 1j * x).ravel(), complex)
+    half = size / cells
+    places: list[complex] = []
+    orders: list[int] = []
+    while len(centre):
+        centre = centre[~_outside(domain, centre, 1.55 * half)]
+        turns = _cell_turns(quantity, domain, holes, centre, half)
+        rest: list[complex] = []
+        for z, turn in zip(centre, turns, strict=True):
+            if turn == 0:
+                continue
+            tiny = half < SMALLEST * domain.radius
+            # Zeros that a neighbour's larger circle has found already.
+            away = np.array(places, complex) - z
+            mine = np.maximum(np.abs(away.real), np.abs(away.imag)) <= 1.1 * half
+            if turn > 0 and sum(o for o, m in zip(orders, mine, strict=True) if m) == turn:
+                continue
+            single = _single(quantity, complex(z), 1.6 * half) if turn > 0 else None
+            if single is not None and abs(single[0] - z) <= 1.6 * half:
+                if not any(abs(single[0] - p) <= 1e-7 * domain.radius for p in places):
+                    places.append(single[0])
+                    orders.append(single[1])
+            elif not tiny:
+                rest.append(z)
+            elif turn > 0 and turn != UNRESOLVED:
+                places.append(complex(z))
+                orders.append(int(turn))
+            elif domain.contains(z):
+                what, place, _ = describe(quantity, complex(z))
+                raise SurfaceError(
+                    f"{name}: {what} lies in the domain at z = {show(place)}: the surface runs to "
+                    "infinity (an end) or is not analytic there; choose a domain without it"
+                )
+        half /= 2
+        children = half * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])
+        centre = np.asarray((np.array(rest, complex)[:, None] + children).ravel(), complex)
+    return Umbilics(np.array(places, complex), np.array(orders, np.int64))
+
+
+def _single(quantity: Quantity, z: complex, radius: float) -> tuple[complex, int] | None:
+    """Return place and order of the only zero in a circle, or None where it holds several.
+
+    Taylor coefficients below the order must be rounding; what rounding is, the coefficients at
+    the end of the series tell.
+    """
+    place = z
+    for _ in range(12):
+        with np.errstate(all="ignore"):
+            q = quantity(place + radius * CIRCLE)
+            ratio = np.roll(q, -1) / q
+        if not np.all(np.abs(ratio - 1) <= 1.5):
+            return None
+        order = round(float(np.angle(ratio).sum()) / (2 * np.pi))
+        taylor = np.fft.fft(q) / SAMPLES
+        if not 1 <= order < SAMPLES // 4:
+            return None
+        shift = -complex(taylor[order - 1] / (order * taylor[order])) * radius
+        if abs(shift) > radius:
+            return None
+        place += shift
+        if abs(shift) <= 1e-3 * radius:
+            break
+    else:
+        return None
+    # The zero lies in the middle: now a last sharp look, Newton on the last vanishing derivative.
+    noise = np.inf
+    for _ in range(4):
+        with np.errstate(all="ignore"):
+            q = quantity(place + radius * CIRCLE)
+        taylor = np.fft.fft(q) / SAMPLES
+        noise = float(np.abs(taylor[SAMPLES // 2 :]).max())
+        noise = max(noise, np.finfo(float).eps * float(np.abs(q).max()))
+        place -= complex(taylor[order - 1] / (order * taylor[order])) * radius
+    if noise > 1e-6 * np.abs(taylor[order]):
+        return None  # not analytic so far out, or other zeros too near
+    low = np.abs(taylor[:order])
+    return (place, order) if np.all(low <= 64 * noise) else None
