@@ -14,50 +14,16 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.sparse import csr_matrix
 
-from phexfab.errors import MeshError
 from phexfab.minimal.sphere import lift_circles
 from phexfab.parallel.rings import edge_faces
 from phexfab.parallel.shell import Shell
-from phexfab.parallel.tree import spanning_tree, sum_to_root
+from phexfab.remesh.conformal_hexagons_dual import dual_points
+from phexfab.remesh.planar_conformal import conformal_hexagon, orbit, ring_tilt, similarities
+
+__all__ = ["christoffel_dual", "conformal_gauss_image", "conformal_hexagon", "ring_tilt"]
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
-
-def conformal_hexagon(tilt: complex = 0.0) -> tuple[ComplexArray, complex, float]:
-    """Return a circular conformal hexagon (6,), the centre and the radius of its circle.
-
-    It is the image of the regular hexagon e^{iπk/3} under z → z/(1 − tilt·z), |tilt| < 1.
-    """
-    if not abs(tilt) < 1:
-        raise MeshError(f"tilt = {tilt}: its modulus must be below 1")
-    z = np.exp(1j * np.pi * np.arange(6) / 3)
-    shrink = 1 / (1 - abs(tilt) ** 2)
-    return z / (1 - tilt * z), np.conj(tilt) * shrink, float(shrink)
-
-
-def _similarities(z: ComplexArray) -> tuple[complex, complex, complex, complex]:
-    """Return α = (a, b): z → az + b with (z4, z5) → (z2, z1), and β with (z3, z4) → (z1, z0)."""
-    a = (z[1] - z[2]) / (z[5] - z[4])
-    b = (z[0] - z[1]) / (z[4] - z[3])
-    return a, z[2] - a * z[4], b, z[1] - b * z[3]
-
-
-def ring_tilt(n: int) -> float:
-    """Return the tilt whose mesh closes after ``n`` hexagons along α (thesis' case 2).
-
-    For a real tilt α is a rotation and β²α⁻¹ a dilation; ``n`` rotations make a full turn.
-    """
-    if n < 5:
-        raise MeshError(f"a conformal ring needs at least 5 hexagons around, not {n}")
-
-    def miss(size: float) -> float:
-        return float(np.angle(_similarities(conformal_hexagon(size)[0])[0]) - 2 * np.pi / n)
-
-    return float(brentq(miss, 1e-9, 0.9, xtol=1e-16, rtol=1e-15))
 
 
 def conformal_gauss_image(
@@ -84,18 +50,18 @@ def conformal_gauss_image(
     twice : (E,) bool
         The edges between neighbours along α, whose duals carry the coefficient 2.
     """
-    z, centre, radius = conformal_hexagon(tilt)
-    a, a0, b, b0 = _similarities(z)
+    hexagon, centre, radius = conformal_hexagon(tilt)
+    alpha, beta = similarities(hexagon)
     k, l = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
-    if abs(a - 1) < 1e-12 and abs(b - 1) < 1e-12:
-        moved = centre + a0 * (l - (columns - 1) / 2) + b0 * (k - (rows - 1) / 2)
-        factor = np.ones(moved.shape)
+    moved = orbit(alpha, beta, centre, k, l)
+    factor = np.abs(alpha.factor) ** l * np.abs(beta.factor) ** k
+    if alpha.is_translation and beta.is_translation:
+        moved = moved - moved.mean()
     else:
-        fixed = a0 / (1 - a) if abs(a - 1) > abs(b - 1) else b0 / (1 - b)
-        log_a, log_b = np.log(a), np.log(b)
-        power = np.exp(log_a * l + log_b * (k - (rows - 1) / 2))
-        moved = (centre - fixed) * power
-        factor = np.abs(power)
+        # Centred, and scaled so that the middle row has the size of the hexagon.
+        middle = beta.factor ** -((rows - 1) / 2)
+        moved = (moved - (alpha if beta.is_translation else beta).fixed_point) * middle
+        factor = factor * abs(middle)
     centres = np.asarray(size * moved.ravel(), complex)
     normals, heights = lift_circles(centres, size * radius * factor.ravel())
 
@@ -139,20 +105,4 @@ def christoffel_dual(shell: Shell, twice: NDArray[np.bool_]) -> FloatArray:
     ----------
     Thesis §5.3.3.
     """
-    s, edges = shell.gauss.vertices, shell.edges
-    i, j = edges[:, 0], edges[:, 1]
-    e = s[j] - s[i]
-    dual = np.where(twice, 2.0, -1.0)[:, None] * e / np.sum(e * e, axis=1, keepdims=True)
-    n = len(s)
-    index = csr_matrix((np.arange(1, len(i) + 1), (i, j)), shape=(n, n), dtype=np.int64)
-    parent = spanning_tree(index, 0)
-    child = np.flatnonzero(parent != np.arange(n))
-    out = np.asarray(index[parent[child], child]).ravel()
-    back = np.asarray(index[child, parent[child]]).ravel()
-    steps = np.zeros((n, 3))
-    steps[child] = np.where((out > 0)[:, None], dual[out - 1], -dual[back - 1])
-    points = sum_to_root(steps, parent)
-    miss = np.abs(points[j] - points[i] - dual).max() / np.abs(dual).max()
-    if not miss < 1e-8:
-        raise MeshError(f"the dual does not close (by {miss:.1e}): the mesh is not conformal")
-    return points
+    return dual_points(shell.gauss.vertices, shell.edges[:, :2], twice)

@@ -4,6 +4,10 @@ The Gauss image S decides the offset type: faces tangent to the unit sphere, edg
 (a Koebe mesh, from a circle packing), or vertices on it (from a hexagonal circle pattern). The
 Gauss map of a minimal surface is conformal, and packings and patterns on a triangular lattice are
 discrete conformal maps, so both are solved in the plane from the smooth radii and lifted.
+
+Around an umbilic of order m the Gauss map winds m + 1 times, and so does the branched pattern; the
+layout has several sheets there, and every circle is compared with its own smooth normal. Around
+holes the pattern is made to close (``closing``).
 """
 
 from __future__ import annotations
@@ -12,20 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.errors import DesignError, SolveError
-from phexfab.minimal.circles import CircleLaw, lay_out, solve_radii
+from phexfab.minimal.circles import CircleLaw, cone_targets
+from phexfab.minimal.closing import REMEDY, chart_angles, check_topology, solve_closed
 from phexfab.minimal.sphere import (
     farthest_direction,
     lift_circles,
     rotation_to_north,
     stereographic,
 )
-from phexfab.parallel.rings import border_loops, face_rings
+from phexfab.parallel.rings import face_rings
 from phexfab.remesh.lattice import Lattice
 from phexfab.surface.weierstrass import MinimalSurface
 from phexfab.triangular import EQUILATERAL
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 KINDS = ("face", "edge", "vertex")
 POLE_CLEARANCE = float(np.cos(np.radians(40)))
 
@@ -49,8 +56,8 @@ def gauss_image(
         For an unknown kind, or an edge type on a lattice that is not equilateral: a circle
         packing on a triangular lattice knows no other.
     SolveError
-        If Newton fails, the pattern does not close around the ring, or the Gauss image covers
-        the whole sphere.
+        If Newton fails, the lattice has handles, or the Gauss image covers the whole sphere: no
+        circle pattern in one plane has these.
 
     References
     ----------
@@ -67,32 +74,39 @@ def gauss_image(
             "which needs the equilateral lattice; leave row_ratio out, or choose offset.type = "
             '"face" or "vertex"'
         )
+    _require_regular(lattice, kind)
+    tri = lattice.triangles
+    cycles = check_topology(tri, len(normals))
+    targets = cone_targets(tri, len(normals))
     # The surface's own chart where the normals stay clear of its pole: there the thesis' conformal
     # cases are exact.
     pole = np.array([0.0, 0.0, 1.0])
-    if not lattice.closed and float((normals @ pole).max()) > POLE_CLEARANCE:
+    ring = lattice.closed and lattice.parameters is None
+    if not ring and float((normals @ pole).max()) > POLE_CLEARANCE:
         pole = farthest_direction(normals)
     turn = rotation_to_north(pole)
+    _require_clear(normals @ turn.T, lattice, kind)
     chart = stereographic(normals @ turn.T)
+    _require_branching(chart, lattice, targets)
     # Conformal factor of w → chart: |dN| = √κ·… = |dw|·√κ, and |dN| = 2|dg|/(1 + |g|²).
     kappa = np.abs(surface.principal_curvatures(parameters)[..., 0]) * surface.scale
     stretch = np.sqrt(kappa) * (1 + np.abs(chart) ** 2) / 2
-    tri = lattice.triangles
     if kind == "edge":
         law = CircleLaw(tri)
-        logs = np.log(stretch * lattice.step / 2)
+        radii = stretch * lattice.step / 2
     else:
         crossing, radius = lattice_pattern(lattice)
         law = CircleLaw(tri, crossing)
-        logs = np.log(stretch * radius)
-    loops = border_loops(tri, face_rings(tri, len(normals))[0], len(normals))
-    order = sorted(loops, key=lambda loop: float(np.abs(chart[loop]).mean()))
-    logs = solve_radii(law, logs, holes=tuple(order[:-1]))
-    centres, gap = lay_out(law, logs)
+        radii = stretch * radius
+    if lattice.density is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radii = radii / lattice.density
+    radii = _spread(radii, law, chart, targets > 2 * np.pi)
+    logs, centres, gap = solve_closed(law, np.log(radii), targets, cycles, chart)
     if gap > 1e-8:
         raise SolveError(
-            f"the circles do not close up around the ring (they miss by {gap:.1e} of a radius): "
-            'this surface has no rotational symmetry; use offset.type = "face" for a closed ring'
+            f"the {kind}-type circles do not close up (they miss by {gap:.1e} of a radius); "
+            f"choose a finer lattice, or {REMEDY}"
         )
     # Similarity that fits the layout to the smooth Gauss map, in the least-squares sense.
     mean_c, mean_g = centres.mean(), chart.mean()
@@ -105,6 +119,89 @@ def gauss_image(
             "rectangle of parameters whose normals leave more of the sphere free"
         )
     return lifted @ turn, heights
+
+
+def _spread(
+    radii: FloatArray, law: CircleLaw, chart: ComplexArray, branched: BoolArray
+) -> FloatArray:
+    """Return the radii, at umbilics (where the smooth ones vanish) and around them mended.
+
+    Two circles of radii r, s whose centres are d apart cross at φ for d² = r² + s² + 2rs cos φ.
+    Neighbours of an umbilic are so large that they meet each other, the umbilic's so that it meets
+    them. Inside the lattice this is a start only; on its border these radii stay.
+    """
+    tri, n = law.triangles, len(radii)
+    cosine = np.ones(tri.shape) if law.crossing is None else np.cos(law.crossing)
+    tail, head = tri.ravel(), tri[:, [1, 2, 0]].ravel()
+    usable = np.isfinite(radii) & (radii > 0) & ~branched
+
+    def mean(place: IntArray, values: FloatArray) -> FloatArray:
+        total = np.bincount(place, values, minlength=n)
+        return np.asarray(total / np.maximum(np.bincount(place, minlength=n), 1))
+
+    both = np.concatenate([tail, head]), np.concatenate([head, tail])
+    near = usable[both[1]]
+    level = mean(both[0][near], radii[both[1][near]])
+    usable &= radii > 0.01 * level
+    if usable.all():
+        return radii
+    distance = np.abs(chart[tail] - chart[head])
+    apex = ~usable[tri[:, [2, 0, 1]].ravel()] & usable[tail] & usable[head]
+    equal = distance[apex] / np.sqrt(2 + 2 * cosine.ravel()[apex])
+    pairs = np.concatenate([tail[apex], head[apex]])
+    mended = mean(pairs, np.concatenate([equal, equal]))
+    out = np.where(mended > 0, mended, radii)
+
+    here, there = (end[usable[both[1]] & ~usable[both[0]]] for end in both)
+    crossing = np.concatenate([cosine, cosine]).ravel()[usable[both[1]] & ~usable[both[0]]]
+    s = out[there]
+    root = np.abs(chart[here] - chart[there]) ** 2 - s**2 * (1 - crossing**2)
+    meeting = mean(here, np.sqrt(np.maximum(root, 0)) - s * crossing)
+    return np.where(usable, out, np.clip(meeting, 0.1 * level, level))
+
+
+def _require_regular(lattice: Lattice, kind: str) -> None:
+    """Refuse the spacing functions of a graded rectangle: circles know no stretched lattice."""
+    if lattice.parameters is not None:
+        return
+    up = lattice.triangles[lattice.upward]
+    row = np.abs(lattice.points[up[:, 1]] - lattice.points[up[:, 0]]) / lattice.step
+    # Around a ring an edge may cross the seam.
+    if np.abs(row[row < 1.9] - 1).max(initial=0.0) > 1e-6:
+        raise DesignError(
+            f'offset.type = "{kind}" rests on circles, which need evenly spaced lattice rows; set '
+            'lattice.evenness = 0, or choose offset.type = "face"'
+        )
+
+
+def _require_clear(normals: FloatArray, lattice: Lattice, kind: str) -> None:
+    """Refuse a Gauss image that covers the north pole of the chart, which is to stay free."""
+    a, b, c = (normals[lattice.triangles[:, k], :2] for k in range(3))
+    high = normals[lattice.triangles, 2].min(axis=1) > 0.0
+    sides = [p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((a, b), (b, c), (c, a))]
+    over = high & ((np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0))
+    if over.any():
+        face = int(lattice.triangles[np.argmax(over), 0])
+        raise SolveError(
+            "the Gauss image covers the whole sphere, near face "
+            f"{face} even the direction that was to stay free, so {kind}-type circles cannot be "
+            f"laid out in one plane; {REMEDY}, or a smaller piece of the surface"
+        )
+
+
+def _require_branching(chart: ComplexArray, lattice: Lattice, targets: FloatArray) -> None:
+    """Refuse a lattice whose rings do not wind as often as the smooth Gauss map does."""
+    tri = lattice.triangles
+    panels = face_rings(tri, len(chart))[0]
+    winding = np.bincount(tri.ravel(), chart_angles(tri, chart).ravel(), minlength=len(chart))
+    wrong = panels[~(np.abs(winding - targets)[panels] < 1.0)]
+    if len(wrong):
+        raise SolveError(
+            f"around face {wrong[0]} of the lattice the Gauss map winds "
+            f"{winding[wrong[0]] / (2 * np.pi):.0f} times where the lattice asks for "
+            f"{targets[wrong[0]] / (2 * np.pi):.0f}: an umbilic is missing there, or the lattice "
+            f"is too coarse; choose a finer lattice, or {REMEDY}"
+        )
 
 
 def lattice_pattern(lattice: Lattice) -> tuple[FloatArray, float]:

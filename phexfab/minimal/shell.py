@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from phexfab.errors import LatticeError
+from phexfab.errors import LatticeError, SurfaceError
+from phexfab.minimal.border import smooth_border
 from phexfab.minimal.gauss_image import gauss_image
-from phexfab.minimal.laplacian import solve_minimal
+from phexfab.minimal.grading import grading
+from phexfab.minimal.laplacian import MinimalSolver
 from phexfab.parallel.shell import Shell
 from phexfab.remesh.lattice import Lattice, lattice
 from phexfab.surface.weierstrass import MinimalSurface
 from phexfab.triangular import EQUILATERAL, mean_distance
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
 def tangent_shell(surface: MinimalSurface, on: Lattice, kind: str = "face") -> Shell:
@@ -31,19 +38,73 @@ def tangent_shell(surface: MinimalSurface, on: Lattice, kind: str = "face") -> S
     ------
     SurfaceError, SolveError, DesignError
     """
-    z = surface.parameter(on.points)
+    z = surface.parameter(on.points) if on.parameters is None else on.parameters
     normals, gauss_heights = gauss_image(surface, on, z, kind)
-    if kind != "face":
+    if kind != "face" and on.parameters is None:
         z = surface.parameter_of_normal(normals, z)
+    elif kind != "face":
+        z = _nearby_parameters(surface, on, normals, z)
     points = surface.point(z)
     heights = np.einsum("ij,ij->i", points, normals)
     return Shell(normals, heights, gauss_heights, on.triangles, kind, points, on.step, z)
 
 
+def _nearby_parameters(
+    surface: MinimalSurface, on: Lattice, normals: FloatArray, z: ComplexArray
+) -> ComplexArray:
+    """Return the parameters with these normals where Newton finds them close by, else ``z``.
+
+    At an umbilic the Gauss map is branched and has no inverse. Only heights of border planes
+    matter, those of panels are found by the minimal solve; and ``X·n`` at a point X whose normal is
+    off by a small angle misses the tangent plane by the square of that angle only.
+    """
+    reach = np.zeros(len(z))
+    tail, head = on.triangles.ravel(), on.triangles[:, [1, 2, 0]].ravel()
+    here = surface.point(z)
+    for a, b in ((tail, head), (head, tail)):
+        np.maximum.at(reach, a, np.linalg.norm(here[a] - here[b], axis=1))
+    found = _each(surface.parameter_of_normal, normals, z)
+    good = np.flatnonzero(np.isfinite(found))
+
+    def distance(place: FloatArray, there: ComplexArray) -> FloatArray:
+        return np.asarray(np.linalg.norm(surface.point(there) - place, axis=1), float)
+
+    with np.errstate(all="ignore"):
+        far = _each(distance, here[good], found[good]).real
+    near = good[far < reach[good]]
+    out = z.copy()
+    out[near] = found[near]
+    return out
+
+
+def _each(
+    solve: Callable[[FloatArray, ComplexArray], NDArray[Any]],
+    targets: FloatArray,
+    guess: ComplexArray,
+) -> ComplexArray:
+    """Return solutions for all targets, not numbers for those (few) at which ``solve`` gives up.
+
+    A batch that fails is halved, so that one target does no harm to the others.
+    """
+    found = np.full(len(guess), complex(np.nan, np.nan))
+    todo = [np.arange(len(guess))]
+    while todo:
+        batch = todo.pop()
+        if not len(batch):
+            continue
+        try:
+            found[batch] = solve(targets[batch], guess[batch])
+        except SurfaceError:
+            if len(batch) > 1:
+                todo += [batch[: len(batch) // 2], batch[len(batch) // 2 :]]
+    return found
+
+
 def minimal_shell(surface: MinimalSurface, on: Lattice, kind: str = "face") -> Shell:
     """Return the discrete minimal surface M with its Gauss image S, as one shell.
 
-    Border planes are tangent to the smooth surface; all panels have H_f = 0 to rounding.
+    All panels have H_f = 0 to rounding. Border planes are tangent to the smooth surface but for a
+    smooth correction of second order, see ``smooth_border``.
 
     Parameters
     ----------
@@ -62,7 +123,17 @@ def minimal_shell(surface: MinimalSurface, on: Lattice, kind: str = "face") -> S
     ----------
     Thesis §7.2.2.
     """
-    return solve_minimal(tangent_shell(surface, on, kind))
+    return solved_shell(surface, on, kind)[0]
+
+
+def solved_shell(
+    surface: MinimalSurface, on: Lattice, kind: str = "face"
+) -> tuple[Shell, int | None]:
+    """Return ``minimal_shell`` and the film's number of unstable directions, where it is known."""
+    start = tangent_shell(surface, on, kind)
+    solver = MinimalSolver.of(start)
+    border = smooth_border(start, on, solver, surface.period)
+    return start.with_heights(solver.solve(border)), solver.index
 
 
 def lattice_on(
@@ -74,6 +145,7 @@ def lattice_on(
     rows_along: str = "u",
     turn: float = 0.0,
     closed: bool = False,
+    evenness: float = 0.0,
 ) -> Lattice:
     """Return the lattice whose panels have a given size in mm.
 
@@ -89,11 +161,16 @@ def lattice_on(
         See ``lattice``.
     closed : bool
         Close the lattice under the surface's period.
+    evenness : float
+        0 for even spacing in w, the sizes then follow the curvature; up to 1 for panels as even in
+        size as spacing functions along both families of curvature lines can make them (see
+        ``grading``). Above 0 for the face type only: circles know no stretched lattice.
 
     Raises
     ------
     LatticeError
-        If the surface has no period to close under, or no panel fits.
+        If the surface has no period to close under, no panel fits, ``evenness`` is not in [0, 1],
+        or a graded lattice is turned.
     """
     box = surface.rectangle if rectangle is None else rectangle
     if closed and surface.period is None:
@@ -101,18 +178,35 @@ def lattice_on(
             f"the surface {surface.name!r} does not close: give a range of parameters instead of "
             '"closed"'
         )
-    u, v = np.meshgrid(np.linspace(box[0], box[1], 33), np.linspace(box[2], box[3], 33))
+    if not 0 <= evenness <= 1:
+        raise LatticeError(f"lattice.evenness = {evenness:g}: choose a number from 0 to 1")
+    if evenness and turn:
+        raise LatticeError(
+            f"lattice.evenness = {evenness:g}, lattice.turn = {turn:g}°: a lattice that is graded "
+            "follows the curvature lines; set one of them to 0"
+        )
+    side_u, side_v = np.linspace(box[0], box[1], 33), np.linspace(box[2], box[3], 33)
+    u, v = np.meshgrid(side_u, side_v)
     kappa = np.abs(surface.principal_curvatures(surface.parameter(u + 1j * v))[..., 0])
-    stretch = float(np.median(np.sqrt(surface.scale / kappa)))  # mm per unit of w
-    step = panel_size / (stretch * mean_distance(row_ratio))
-    return lattice(
-        box,
-        step,
+    stretch = np.sqrt(surface.scale / kappa)  # mm per unit of w
+    period = surface.period if closed else None
+    options: dict[str, Any] = {"row_ratio": row_ratio, "rows_along": rows_along, "period": period}
+    if not evenness:
+        step = panel_size / (float(np.median(stretch)) * mean_distance(row_ratio))
+        return lattice(box, step, turn=turn, **options)
+    around = None if period is None else "v" if abs(period.imag) > abs(period.real) else "u"
+    spacing = grading(
+        side_u,
+        side_v,
+        stretch,
+        evenness,
         row_ratio=row_ratio,
         rows_along=rows_along,
-        turn=turn,
-        period=surface.period if closed else None,
+        closed=around,
     )
+    step = panel_size / float(np.median(spacing.sizes(stretch, rows_along)))
+    made = lattice(box, step, **options | {"row_ratio": spacing.row_ratio})
+    return replace(made, points=spacing.place(made.points))
 
 
 def surface_distance(surface: MinimalSurface, shell: Shell) -> FloatArray:
@@ -125,7 +219,16 @@ def surface_distance(surface: MinimalSurface, shell: Shell) -> FloatArray:
         Made on that surface, so that its parameters are known.
     """
     triangles = shell.triangles[shell.used_vertices]
-    # Not the mean of the three: a triangle may lie across the seam of a closed lattice.
-    guess = shell.parameters[triangles[:, 0]]
-    foot = surface.closest_parameter(shell.mesh.vertices, guess)
-    return np.linalg.norm(surface.point(foot) - shell.mesh.vertices, axis=1)
+    vertices = shell.mesh.vertices
+    # Not the mean of the three: a triangle may lie across the seam of a closed lattice, and each of
+    # them in another chart of a film.
+    foot = np.full(len(vertices), complex(np.nan, np.nan))
+    for k in range(3):
+        lost = np.flatnonzero(~np.isfinite(foot))
+        if len(lost):
+            guess = shell.parameters[triangles[lost, k]]
+            foot[lost] = _each(surface.closest_parameter, vertices[lost], guess)
+    lost = np.flatnonzero(~np.isfinite(foot))
+    if len(lost):  # say why
+        surface.closest_parameter(vertices[lost[:1]], shell.parameters[triangles[lost[:1], 0]])
+    return np.linalg.norm(surface.point(foot) - vertices, axis=1)

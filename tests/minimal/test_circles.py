@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from cone_samples import cone_lattice, without
 
-from phexfab.errors import MeshError
-from phexfab.minimal.circles import CircleLaw, lay_out, solve_radii
+from phexfab.errors import MeshError, SolveError
+from phexfab.minimal.circles import CircleLaw, cone_targets, solve_radii
 from phexfab.minimal.gauss_image import lattice_pattern
+from phexfab.minimal.layout import border_cycles, lay_out
 from phexfab.parallel.rings import border_loops, face_rings
 from phexfab.remesh.lattice import lattice
 
@@ -105,3 +107,51 @@ def test_pieces_are_refused():
     two = np.vstack([LATTICE.triangles, LATTICE.triangles + len(LATTICE.points)])
     with pytest.raises(MeshError, match="several pieces"):
         lay_out(CircleLaw(two), np.zeros(2 * len(LATTICE.points)))
+
+
+@pytest.mark.parametrize("kind", ["packing", "pattern"])
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_branched_packings_touch_on_every_sheet(kind, order):
+    """Random borders around a branch circle that winds as often as its lattice asks."""
+    made = cone_lattice(order, 5, 1.0)
+    law = law_of(kind, made)
+    targets = cone_targets(made.triangles, len(made.points))
+    assert targets[0] == 2 * np.pi * order and (targets[1:] == 2 * np.pi).all()
+    logs = np.random.default_rng(order).normal(scale=0.3, size=len(made.points))
+    solved = solve_radii(law, logs, targets=targets)
+    centre, gap = lay_out(law, solved)
+    assert gap < 1e-12
+    # The neighbours of circle 0 wind about it: summed in the plane, not through the law.
+    t, angle = made.triangles, 0.0
+    for a, b, c in zip(*t.T, strict=True):
+        while 0 in (b, c):
+            a, b, c = b, c, a
+        if a == 0:
+            angle += np.angle((centre[c] - centre[a]) / (centre[b] - centre[a]))
+    assert angle == pytest.approx(2 * np.pi * order, abs=1e-11)
+    r = np.exp(solved)
+    distance = np.abs(centre[t] - centre[t[:, [1, 2, 0]]])
+    a, b = r[t], r[t[:, [1, 2, 0]]]
+    cosine = 1.0 if kind == "packing" else np.cos(law.crossing)
+    assert np.allclose(distance**2, a * a + b * b + 2 * a * b * cosine, rtol=1e-11)
+
+
+def test_rings_that_no_umbilic_has_are_refused():
+    fan = np.array([[0, k + 1, (k + 1) % 7 + 1] for k in range(7)])
+    with pytest.raises(SolveError, match="face 0 of the lattice has 7 neighbours"):
+        cone_targets(fan, 8)
+
+
+def test_borders_are_walked_with_the_surface_on_the_left():
+    made = cone_lattice(1, 8, 1.0)
+    made = without(made, np.abs(made.points - 0.2) < 0.25)
+    cycles = border_cycles(made.triangles, len(made.points))
+    assert len(cycles) == 2
+    tail = made.triangles.ravel()
+    areas = []
+    for cycle in cycles:
+        z = made.points[tail[cycle]]
+        areas.append((z.conj() * np.roll(z, -1)).imag.sum() / 2)
+        onward = made.triangles[:, [1, 2, 0]].ravel()[cycle]
+        assert np.array_equal(onward, np.roll(tail[cycle], -1))
+    assert max(areas) > 0 > min(areas) and max(areas) > -3 * min(areas)
