@@ -208,8 +208,19 @@ def pair_curvatures(
 
 
 def shell_curvatures(shell: Shell) -> FaceCurvatures:
-    """Return areas and curvatures of every panel of a shell."""
-    return pair_curvatures(shell.mesh, shell.gauss, shell.normals[shell.panels])
+    """Return areas and curvatures of every panel of a shell.
+
+    A cut panel keeps H and K from before the cut: a rim plane is no neighbour that it bends to.
+    """
+    found = pair_curvatures(shell.mesh, shell.gauss, shell.normals[shell.panels])
+    if shell.whole is None:
+        return found
+    before = shell_curvatures(shell.whole)
+    parent = np.searchsorted(shell.whole.panels, shell.parents[shell.panels])
+    left = found.areas / before.areas[parent]
+    return FaceCurvatures(
+        found.areas, left * before.mixed[parent], left * before.gauss_areas[parent]
+    )
 
 
 def mixed_areas(shell: Shell, first: FloatArray, second: FloatArray) -> FloatArray:
@@ -261,6 +272,8 @@ def face_fields(shell: Shell) -> dict[str, tuple[FloatArray, str]]:
     found = shell_curvatures(shell)
     principal = found.principal * 1e3
     edge = np.abs(edge_curvatures(mesh, shell.gauss)) * 1e3
+    if len(shell.parents):
+        edge[shell.parents[shell.rings[3]] < 0] = 0.0
     return {
         "Gaussian curvature": (found.gaussian * 1e6, "1/m²"),
         "Mean curvature": (found.mean * 1e3, "1/m"),

@@ -15,12 +15,15 @@ FloatArray = NDArray[np.float64]
 def edge_ratios(shell: Shell) -> FloatArray:
     """Return (E,) signed ratios c of M's edge to the parallel edge of S, mm.
 
-    The edge of the offset M + d·S is (c + d) times that of S.
+    The edge of the offset M + d·S is (c + d) times that of S. Where S's edge has no length (in a
+    shell that is cut by parallel planes) the ratio is infinite: the offset changes nothing there.
     """
     i, j = shell.edges[:, 0], shell.edges[:, 1]
     m = shell.mesh.vertices[j] - shell.mesh.vertices[i]
     s = shell.gauss.vertices[j] - shell.gauss.vertices[i]
-    return np.einsum("ij,ij->i", m, s) / np.einsum("ij,ij->i", s, s)
+    square = np.einsum("ij,ij->i", s, s)
+    endless = np.full(len(s), np.inf)
+    return np.divide(np.einsum("ij,ij->i", m, s), square, out=endless, where=square > 1e-24)
 
 
 def admissible_interval(shell: Shell) -> tuple[float, float]:

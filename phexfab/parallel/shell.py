@@ -55,6 +55,11 @@ class Shell:
         Lattice step in curvature-line coordinates (0 where there is none).
     parameters : (F,) complex
         The surface's parameter at ``points`` (empty where there is no surface).
+    whole : Shell or None
+        What a cut shell was cut from: its panels have the curvatures that they had there.
+    parents : (F,) int
+        For a cut shell, the face of ``whole`` that each face comes from; −1 for rim planes, which
+        cut the border panels. Empty for others.
 
     Faces whose ring of triangles does not close are *border planes*: they trim the border panels
     and carry the boundary heights, but are no panels. ``panels`` lists the others.
@@ -68,6 +73,8 @@ class Shell:
     points: FloatArray
     step: float = 0.0
     parameters: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(0, complex))
+    whole: Shell | None = None
+    parents: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @cached_property
     def rings(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
@@ -85,6 +92,22 @@ class Shell:
     def panels(self) -> IntArray:
         """(P,) faces that are whole polygons, in order; face ``p`` of ``mesh`` is ``panels[p]``."""
         return self.rings[0]
+
+    @cached_property
+    def rim_vertices(self) -> NDArray[np.bool_]:
+        """(V',) True for the vertices of ``mesh`` that lie in a rim plane; none unless cut."""
+        if not len(self.parents):
+            return np.zeros(len(self.used_vertices), bool)
+        return np.asarray((self.parents[self.triangles[self.used_vertices]] < 0).any(axis=1))
+
+    @cached_property
+    def rim_edges(self) -> NDArray[np.bool_]:
+        """(E,) True for the edges of ``edges`` along a rim plane; none unless cut."""
+        if not len(self.parents):
+            return np.zeros(len(self.edges), bool)
+        from phexfab.parallel.rings import edge_faces
+
+        return self.parents[edge_faces(self)[1][:, 1]] < 0
 
     @cached_property
     def used_vertices(self) -> IntArray:
@@ -118,10 +141,30 @@ class Shell:
 
         return shell_edges(self)
 
+    def turned_over(self) -> Shell:
+        """Return the same M with its normals on the other side, and −S for S."""
+        return replace(
+            self,
+            normals=-self.normals,
+            heights=-self.heights,
+            triangles=self.triangles[:, ::-1],
+            whole=None if self.whole is None else self.whole.turned_over(),
+        )
+
     def with_heights(self, heights: FloatArray) -> Shell:
-        """Return the parallel shell with other heights (a member of P(M), thesis §4.1)."""
-        moved = replace(self, heights=np.asarray(heights, float))
-        for name in ("rings", "used_vertices", "gauss", "edges"):  # none depends on the heights
+        """Return the parallel shell with other heights (a member of P(M), thesis §4.1).
+
+        It no longer knows what it was cut from: that had the old heights.
+        """
+        moved = replace(self, heights=np.asarray(heights, float), whole=None)
+        for name in (
+            "rings",
+            "used_vertices",
+            "gauss",
+            "edges",
+            "rim_vertices",
+            "rim_edges",
+        ):  # none depends on the heights
             if name in self.__dict__:
                 moved.__dict__[name] = self.__dict__[name]
         return moved
