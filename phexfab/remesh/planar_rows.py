@@ -1,0 +1,157 @@
+"""How far faces are from planar, as equations: as many for a face as it has corners beyond three.
+
+A face is planar when the heights h of its corners over its least-squares plane vanish. Those
+heights are free of constant and linear parts, so n − 3 numbers Cᵀh hold them, C an orthonormal
+basis of what is left over in R^n; moving a corner by δ changes them by Cᵀ(n·δ), up to terms that
+vanish with h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from phexfab.mesh.polymesh import PolyMesh
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Faces with the same number of corners."""
+
+    faces: IntArray  # (f,)
+    vertices: IntArray  # (f, n)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Planarity at one place: per group the normals (f, 3) and bases (f, n, n − 3)."""
+
+    normals: list[FloatArray]
+    bases: list[FloatArray]
+
+
+class PlanarRows:
+    """The planarity equations of all faces with more than three corners."""
+
+    def __init__(self, mesh: PolyMesh) -> None:
+        self.groups: list[_Group] = []
+        for n in np.unique(mesh.sides[mesh.sides > 3]):
+            faces = np.flatnonzero(mesh.sides == n)
+            self.groups.append(
+                _Group(faces, mesh.corners[mesh.starts[faces][:, None] + np.arange(n)])
+            )
+        sizes = [g.vertices.shape for g in self.groups]
+        columns, lengths, owners = [], [], []
+        for (f, n), group in zip(sizes, self.groups, strict=True):
+            shape = (f, n - 3, n, 3)
+            index = 3 * group.vertices[:, None, :, None] + np.arange(3)
+            columns.append(np.broadcast_to(index, shape).ravel())
+            lengths.append(np.full(f * (n - 3), 3 * n))
+            owners.append(np.repeat(group.faces, n - 3))
+        self._columns = np.concatenate(columns) if columns else np.zeros(0, np.int64)
+        ends = np.cumsum(np.concatenate(lengths)) if lengths else np.zeros(0, np.int64)
+        self._starts = np.concatenate([[0], ends])
+        self.face_of_row = np.concatenate(owners) if owners else np.zeros(0, np.int64)
+        self._width = 3 * len(mesh.vertices)
+
+    def __len__(self) -> int:
+        return len(self.face_of_row)
+
+    def heights(self, x: FloatArray, like: Linearised | None = None) -> list[FloatArray]:
+        """Return per group the (f, n) heights of corners over their least-squares planes."""
+        signs: list[FloatArray | None] = [None] * len(self.groups)
+        if like is not None:
+            signs = list(like.normals)
+        out = []
+        for group, old in zip(self.groups, signs, strict=True):
+            _, height, normal = _fit(x[group.vertices])
+            if old is not None:
+                height = height * np.sign(np.einsum("fi,fi->f", old, normal))[:, None]
+            out.append(height)
+        return out
+
+    def linearise(self, x: FloatArray) -> tuple[Linearised, sp.csr_array, FloatArray]:
+        """Return bases and normals, the Jacobian (rows, 3V) and the residual (rows,), mm."""
+        normals, bases, data, right = [], [], [], []
+        for group in self.groups:
+            flat, height, normal = _fit(x[group.vertices])
+            basis = _complement(flat)
+            normals.append(normal)
+            bases.append(basis)
+            data.append(np.einsum("fik,fj->fkij", basis, normal).ravel())
+            right.append(np.einsum("fik,fi->fk", basis, height).ravel())
+        values = np.concatenate(data) if data else np.zeros(0)
+        shape = (len(self), self._width)
+        jacobian = sp.csr_array((values, self._columns, self._starts), shape=shape)
+        return Linearised(normals, bases), jacobian, _joined(right)
+
+    def residual(self, at: Linearised, heights: list[FloatArray]) -> FloatArray:
+        """Return (rows,) heights from elsewhere in the bases of a place, mm."""
+        pairs = zip(at.bases, heights, strict=True)
+        return _joined([np.einsum("fik,fi->fk", b, h).ravel() for b, h in pairs])
+
+    def worst(self, heights: list[FloatArray]) -> tuple[float, int]:
+        """Return the largest height of a corner over its face's plane, mm, and the face."""
+        best, face = 0.0, -1
+        for group, height in zip(self.groups, heights, strict=True):
+            size = np.abs(height).max(axis=1)
+            at = int(size.argmax())
+            if not size[at] <= best:
+                best, face = float(size[at]), int(group.faces[at])
+        return best, face
+
+
+def _joined(parts: list[FloatArray]) -> FloatArray:
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return corner places in (f, n, 2), and heights (f, n) over, the planes of (f, 3) normals."""
+    x = points - points[:, :1]
+    x = x - x.mean(axis=1, keepdims=True)
+    axes = np.linalg.eigh(np.swapaxes(x, 1, 2) @ x)[1]
+    local = x @ axes
+    flat, off = local[:, :, 1:], local[:, :, 0]
+    # Eigenvectors of the squared matrix are good to rounding over the aspect; a linear fit in
+    # their frame takes that off again.
+    gram = np.swapaxes(flat, 1, 2) @ flat
+    right = np.einsum("fni,fn->fi", flat, off)
+    det = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
+    solid = det > 1e-24 * gram[:, 1, 1] ** 2
+    det = np.where(solid, det, 1.0)
+    a = np.where(solid, gram[:, 1, 1] * right[:, 0] - gram[:, 0, 1] * right[:, 1], 0.0) / det
+    b = np.where(solid, gram[:, 0, 0] * right[:, 1] - gram[:, 0, 1] * right[:, 0], 0.0) / det
+    normal = axes[:, :, 0] - a[:, None] * axes[:, :, 1] - b[:, None] * axes[:, :, 2]
+    stretch = np.sqrt(1 + a * a + b * b)
+    height = off - a[:, None] * flat[:, :, 0] - b[:, None] * flat[:, :, 1]
+    return flat, height / stretch[:, None], normal / stretch[:, None]
+
+
+def _complement(flat: FloatArray) -> FloatArray:
+    """Return orthonormal bases (f, n, n − 3) of what is orthogonal to 1, x and y in R^n."""
+    count, n, _ = flat.shape
+    work = np.concatenate([np.ones((count, n, 1)), flat[:, :, ::-1]], axis=2)
+    mirrors = []
+    for k in range(3):  # Householder
+        v = work[:, k:, k].copy()
+        size = np.linalg.norm(v, axis=1)
+        v[:, 0] += np.where(v[:, 0] < 0, -size, size)
+        square = np.einsum("fi,fi->f", v, v)
+        mirrors.append((v, np.divide(2.0, square, out=np.zeros(count), where=square > 0)))
+        _mirror(work, *mirrors[-1], k)
+    basis = np.zeros((count, n, n - 3))
+    basis[:, np.arange(3, n), np.arange(n - 3)] = 1.0
+    for k in (2, 1, 0):
+        _mirror(basis, *mirrors[k], k)
+    return basis
+
+
+def _mirror(matrix: FloatArray, v: FloatArray, factor: FloatArray, k: int) -> None:
+    share = np.einsum("fi,fij->fj", v, matrix[:, k:]) * factor[:, None]
+    matrix[:, k:] -= v[:, :, None] * share[:, None, :]
