@@ -1,8 +1,9 @@
-"""phexfab: from a named minimal surface to a shell that a workshop can build.
+"""phexfab: from a boundary curve or a named minimal surface to a shell that a workshop can build.
 
 ``build`` walks from a design file to parts and checks; everything on the way is a plain value and
 can be had on its own: ``minimal_surface`` → ``lattice_on`` → ``minimal_shell`` → ``offset`` →
-``panels``, ``beams``, ``nodes``. No CAD kernel is loaded until an adapter is called.
+``panels``, ``beams``, ``nodes``; from a boundary curve ``Rim`` → ``plateau`` → ``grow_lattice`` →
+``minimal_shell`` → ``cut_shell``. No CAD kernel is loaded until an adapter is called.
 """
 
 from phexfab.design import Design, load_design, make_design, parse_design
@@ -30,8 +31,10 @@ from phexfab.minimal.dual_space import DualSpace
 from phexfab.minimal.gauss_image import gauss_image
 from phexfab.minimal.laplacian import solve_minimal
 from phexfab.minimal.shell import lattice_on, minimal_shell, surface_distance
+from phexfab.parallel.border import Border
 from phexfab.parallel.classify import classify_mesh
 from phexfab.parallel.curvature import pair_curvatures
+from phexfab.parallel.cut import cut_shell
 from phexfab.parallel.edge_offset import edge_offset_mesh
 from phexfab.parallel.face_offset import face_offset
 from phexfab.parallel.nearest import admissible_member, deform, nearest_member
@@ -51,7 +54,9 @@ from phexfab.parallel.support import beam_heights, node_torsion, support_structu
 from phexfab.parallel.to_offset import nearest_offset_mesh
 from phexfab.parallel.vertex_offset import inscribed_parallel
 from phexfab.pipeline import Build, build, check
+from phexfab.remesh.grow import grow_lattice
 from phexfab.remesh.lattice import Lattice, lattice
+from phexfab.remesh.trace_lattice import mesh_lattice
 from phexfab.surface import (
     MinimalSurface,
     associate,
@@ -60,15 +65,25 @@ from phexfab.surface import (
     from_weierstrass,
     minimal_surface,
 )
+from phexfab.surface.atlas import atlas_surface
+from phexfab.surface.domain import Disc
+from phexfab.surface.extension import film_with_margin
+from phexfab.surface.mesh_film import film_of_mesh, mesh_film
+from phexfab.surface.periodic_mesh import periodic_film
+from phexfab.surface.plateau import plateau
+from phexfab.surface.rim import Rim
+from phexfab.surface.umbilics import umbilics
 
 __version__ = "0.1.0"
 
 __all__ = [
     "BeamSpec",
+    "Border",
     "Build",
     "CheckResult",
     "Design",
     "DesignError",
+    "Disc",
     "DualSpace",
     "FlatPart",
     "Lattice",
@@ -86,6 +101,7 @@ __all__ = [
     "Parts",
     "PhexError",
     "PolyMesh",
+    "Rim",
     "Shell",
     "Solid",
     "SolveError",
@@ -94,6 +110,7 @@ __all__ = [
     "admissible_interval",
     "admissible_member",
     "associate",
+    "atlas_surface",
     "beam_heights",
     "beams",
     "blend",
@@ -104,13 +121,17 @@ __all__ = [
     "check_parts",
     "classify_mesh",
     "classify_pair",
+    "cut_shell",
     "deform",
     "edge_offset_mesh",
     "face_offset",
+    "film_of_mesh",
+    "film_with_margin",
     "from_height_differential",
     "from_weierstrass",
     "gauss_from_pair",
     "gauss_image",
+    "grow_lattice",
     "inscribed_parallel",
     "is_discrete_minimal",
     "is_parallel",
@@ -118,6 +139,8 @@ __all__ = [
     "lattice_on",
     "load_design",
     "make_design",
+    "mesh_film",
+    "mesh_lattice",
     "minimal_shell",
     "minimal_surface",
     "nearest_member",
@@ -132,11 +155,14 @@ __all__ = [
     "panels",
     "parallel_space",
     "parse_design",
+    "periodic_film",
+    "plateau",
     "read_mesh",
     "shell_of_mesh",
     "solve_minimal",
     "split_dual",
     "support_structure",
     "surface_distance",
+    "umbilics",
     "write_mesh",
 ]

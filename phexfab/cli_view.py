@@ -115,6 +115,7 @@ def show_build(directory: Path, figures: Mapping[str, tuple[float | int | str, s
 def show_surfaces() -> None:
     """Print the catalog: names, options with their defaults, and which way a surface closes."""
     from phexfab.surface.catalog import catalog
+    from phexfab.surface.periodic import PERIODIC
 
     console = _console()
     table = Table(box=None, pad_edge=False)
@@ -128,6 +129,9 @@ def show_surfaces() -> None:
         table.add_row(name, options, closes, escape(entry.description))
     console.print(table)
     console.print("\nEvery one also takes bonnet_angle (degrees): 90 is the conjugate surface.")
+    console.print(
+        f"Periodic surfaces (surface.periodic, any number of cells): {', '.join(PERIODIC)}"
+    )
 
 
 def show_comparison(found: Comparison) -> None:

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.comparison import Comparison, Figure, Row
-from phexfab.design import Design
+from phexfab.design import Design, load_design
 from phexfab.errors import DesignError, NestingError, PartError
 from phexfab.fabrication.bom import least_boxes
 from phexfab.fabrication.inset import edge_directions, inset, inset_limits
 from phexfab.fabrication.layout import sheet_yield
 from phexfab.fabrication.nest import nest
 from phexfab.fabrication.parts import EdgeNote, FlatPart, Material
+from phexfab.forming import parameter_rectangle
 from phexfab.mesh.measures import (
     corner_angles,
     edge_lengths,
@@ -31,7 +32,7 @@ from phexfab.mesh.measures import (
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.classify import classify_mesh
 from phexfab.parallel.support import NodeTorsion, node_torsion, torsion_of_axes
-from phexfab.pipeline import Build, DesignLike, build, parameter_rectangle, stocks
+from phexfab.pipeline import Build, DesignLike, build, stocks
 from phexfab.remesh.panelings import (
     Paneling,
     covered_rectangle,
@@ -90,12 +91,19 @@ def compare(design: DesignLike, equal: str = "size", *, packer: str = "shelf") -
         raise DesignError(f"equal = {equal!r}: choose one of {', '.join(EQUAL)}")
     if packer not in ("shelf", "spyrrow"):
         raise DesignError(f"packer = {packer!r}: choose 'shelf' or 'spyrrow'")
-    built = build(design)
+    asked = design if isinstance(design, Design) else load_design(design)
+    if asked.surface.source != "named" or asked.surface.radius is not None:
+        raise DesignError(
+            f"{asked.name}: triangles and quads are laid out on a rectangle of curvature-line "
+            "coordinates, which a film between rims does not have; compare a surface given by name "
+            "or formula, without surface.radius"
+        )
+    built = build(asked)
     hexagons = _hexagons(built)
     makers = _makers(built, hexagons.mesh)
     find = _equal_size if equal == "size" else _equal_deviation
     all_three = {
-        **{name: find(built.surface, make, hexagons) for name, make in makers.items()},
+        **{name: find(_smooth(built), make, hexagons) for name, make in makers.items()},
         "hexagons": hexagons,
     }
     return Comparison(
@@ -106,6 +114,12 @@ def compare(design: DesignLike, equal: str = "size", *, packer: str = "shelf") -
 
 
 # -- the three meshes ------------------------------------------------------------------------------
+
+
+def _smooth(built: Build) -> MinimalSurface:
+    if not isinstance(built.surface, MinimalSurface):
+        raise DesignError(f"{built.design.name}: its surface is not minimal; compare one that is")
+    return built.surface
 
 
 def _hexagons(built: Build) -> Paneling:
@@ -120,7 +134,7 @@ Maker = Callable[[int, float], Paneling]
 
 def _makers(built: Build, hexagons: PolyMesh) -> dict[str, Maker]:
     """Return what makes a mesh of about a number of panels that covers an area in mm²."""
-    smooth, asked = built.surface, built.design.lattice
+    smooth, asked = _smooth(built), built.design.lattice
     rectangle, closed = parameter_rectangle(built.design, smooth)
 
     def triangles(count: int, area: float) -> Paneling:
@@ -199,7 +213,7 @@ def _measure(name: str, one: Paneling, built: Build, packer: str) -> Row:
     if bar.kind == "none":
         member_mass = 0.0
         notes.append("the design has no beams: members weigh nothing")
-    away = _deviation(built.surface, one)
+    away = _deviation(_smooth(built), one)
     figures: dict[str, Figure] = {
         "panels": mesh.n_faces,
         "nodes": len(mesh.vertices),

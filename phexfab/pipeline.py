@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phexfab.design import Design, load_design
-from phexfab.errors import DesignError, SurfaceError
 from phexfab.fabrication.bars import BeamSpec, beam_drop, down
 from phexfab.fabrication.beams import beams
 from phexfab.fabrication.checks import Limits, check_geometry, check_parts
 from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
 from phexfab.fabrication.parts import CheckResult, Material, Parts, Stock
-from phexfab.minimal.laplacian import MinimalSolver
-from phexfab.minimal.shell import lattice_on, surface_distance, tangent_shell
+from phexfab.films import rims_given
+from phexfab.forming import Form, form, panel_sizes
+from phexfab.minimal.shell import surface_distance
 from phexfab.parallel.offset import admissible_interval, offset
 from phexfab.parallel.shell import Shell
-from phexfab.surface import MinimalSurface, associate, check_rectangle, from_expressions
-from phexfab.surface.catalog import surface as named_surface
+from phexfab.surface import MinimalSurface
+from phexfab.surface.freeform import FreeformSurface
 
 if TYPE_CHECKING:
     import build123d
@@ -43,8 +43,8 @@ class Build:
     Attributes
     ----------
     design : Design
-    surface : MinimalSurface
-        The smooth surface, in mm.
+    surface : MinimalSurface, FreeformSurface or None
+        The smooth surface, in mm; None for a mesh from elsewhere.
     shell : Shell
         M and its Gauss image S.
     parts : Parts
@@ -53,7 +53,7 @@ class Build:
     """
 
     design: Design
-    surface: MinimalSurface
+    surface: MinimalSurface | FreeformSurface | None
     shell: Shell
     parts: Parts
     checks: tuple[CheckResult, ...]
@@ -106,12 +106,15 @@ class Build:
         return to_build123d(self.parts, self.design.name)
 
 
-def build(design: DesignLike, progress: Progress | None = None) -> Build:
+def build(design: DesignLike, progress: Progress | None = None, *, rims: Any = None) -> Build:
     """Build a design: its shell, its parts and their checks.
 
     Parameters
     ----------
     design : Design or path of a design file
+    rims : optional
+        Boundary curves in place of those that the design names: a ``Rim``, points (n, 3) in mm, a
+        CadQuery ``Workplane`` or ``Wire``, a build123d ``Wire``, or a sequence of these.
     progress : callable, optional
         Called with a stage's name, steps done and steps in all (0 where unknown).
 
@@ -124,90 +127,36 @@ def build(design: DesignLike, progress: Progress | None = None) -> Build:
     """
     say = progress or _silent
     asked = design if isinstance(design, Design) else load_design(design)
-    say("surface", 0, 0)
-    smooth = smooth_surface(asked)
-    say("shell", 0, 0)
-    shell, index = _shell(asked, smooth)
+    given = () if rims is None else rims_given(rims)
+    formed = form(asked, say, given)
+    shell = formed.shell
     distance = offset_distance(asked, shell)
     offset(shell, distance)  # refuses a distance beyond the limits
     say("parts", 0, 0)
     parts = _parts(asked, shell)
     say("checks", 0, 0)
     limits = Limits(**asked.checks.limits())
-    deviation = surface_distance(smooth, shell)
+    deviation = formed.deviation
+    if isinstance(formed.surface, MinimalSurface):
+        deviation = surface_distance(formed.surface, shell)
     checks = (
-        *check_geometry(shell, limits, surface_distance=deviation, offset_distance=distance),
+        *check_geometry(
+            shell,
+            limits,
+            surface_distance=deviation,
+            offset_distance=distance,
+            rim_distance=formed.rim_distance,
+            minimal=isinstance(formed.surface, MinimalSurface),
+        ),
         *check_parts(parts, shell, limits, stocks=stocks(asked)),
     )
-    figures = _figures(asked, shell, parts, distance, index)
-    return Build(asked, smooth, shell, parts, checks, figures)
+    figures = _figures(asked, formed, parts, distance)
+    return Build(asked, formed.surface, shell, parts, checks, figures)
 
 
 def check(design: DesignLike, progress: Progress | None = None) -> tuple[CheckResult, ...]:
-    """Return the checks of a design; no CAD kernel is loaded and no file is written."""
+    """Return the checks of a design; no file is written, a CAD kernel is loaded only to read."""
     return build(design, progress).checks
-
-
-def smooth_surface(design: Design) -> MinimalSurface:
-    """Return the smooth surface that a design asks for, scaled to mm.
-
-    Raises
-    ------
-    DesignError
-        If the catalog has no such surface or option, or a formula cannot be read.
-    """
-    asked = design.surface
-    options: dict[str, Any] = {
-        "order": asked.order,
-        "ends": asked.ends,
-        "bonnet_angle": asked.bonnet_angle,
-    }
-    given = {key: value for key, value in options.items() if value is not None}
-    try:
-        if asked.g is not None and asked.height_differential is not None:
-            base = complex(*asked.base)
-            made = from_expressions(g=asked.g, dh=asked.height_differential, base=base)
-            made = associate(made, given.get("bonnet_angle", 0.0))
-        else:
-            made = named_surface(str(asked.name), **given)
-    except SurfaceError as error:
-        key = "surface.name" if asked.name is not None else "surface.g"
-        raise DesignError(f"{key}: {error}") from error
-    return made.scaled(asked.scale)
-
-
-def parameter_rectangle(
-    design: Design, surface: MinimalSurface
-) -> tuple[tuple[float, float, float, float], bool]:
-    """Return the rectangle (u0, u1, v0, v1) of a design, and whether it closes."""
-    u0, u1, v0, v1 = surface.rectangle
-    asked = design.surface
-    closed = "closed" in (asked.u, asked.v)
-    if closed:
-        period = surface.period
-        if period is None:
-            way = "u" if asked.u == "closed" else "v"
-            raise DesignError(
-                f'surface.{way} = "closed": {surface.name} does not close; write a range '
-                f"{way} = [from, to] instead"
-            )
-        around = "v" if abs(period.imag) > abs(period.real) else "u"
-        if getattr(asked, around) != "closed":
-            raise DesignError(
-                f'surface.{"u" if around == "v" else "v"} = "closed": {surface.name} closes along '
-                f'{around}; write {around} = "closed"'
-            )
-    if isinstance(asked.u, tuple):
-        u0, u1 = asked.u
-    if isinstance(asked.v, tuple):
-        v0, v1 = asked.v
-    if closed and surface.period is not None:
-        half = abs(surface.period) / 2
-        if asked.v == "closed":
-            v0, v1 = -half, half
-        else:
-            u0, u1 = -half, half
-    return (u0, u1, v0, v1), closed
 
 
 def stocks(design: Design) -> dict[str, Stock]:
@@ -247,31 +196,6 @@ def offset_distance(design: Design, shell: Shell) -> float:
     return down(panel) * (beam_drop(shell, beam, panel) + beam.height)
 
 
-def _shell(design: Design, smooth: MinimalSurface) -> tuple[Shell, int | None]:
-    """Return the discrete minimal surface, and its number of unstable directions."""
-    rectangle, closed = parameter_rectangle(design, smooth)
-    u, v = rectangle[:2], rectangle[2:]
-    try:
-        check_rectangle(smooth, u, v)
-    except SurfaceError as error:
-        where = f"u = [{u[0]:.4g}, {u[1]:.4g}], v = [{v[0]:.4g}, {v[1]:.4g}]"
-        raise DesignError(f"surface.u, surface.v: {where}: {error}") from error
-    asked = design.lattice
-    lattice = lattice_on(
-        smooth,
-        asked.panel_size,
-        rectangle=rectangle,
-        row_ratio=asked.row_ratio,
-        rows_along=asked.rows_along,
-        turn=asked.turn,
-        closed=closed,
-    )
-    start = tangent_shell(smooth, lattice, design.offset.type)
-    solver = MinimalSolver.of(start)
-    shell = start.with_heights(solver.solve(start.heights))
-    return shell, solver.index
-
-
 def _parts(design: Design, shell: Shell) -> Parts:
     panel, beam, node = specs(design)
     if design.beams.kind == "none":
@@ -279,11 +203,11 @@ def _parts(design: Design, shell: Shell) -> Parts:
     return Parts(panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel))
 
 
-def _figures(
-    design: Design, shell: Shell, parts: Parts, distance: float, index: int | None
-) -> Figures:
+def _figures(design: Design, formed: Form, parts: Parts, distance: float) -> Figures:
     """Return the key figures of a build, in the order in which they are read."""
     panel, beam, _ = specs(design)
+    shell, index = formed.shell, formed.index
+    sizes = panel_sizes(shell)
     low, high = admissible_interval(shell)
     size = np.ptp(shell.mesh.vertices, axis=0)
     masses = {
@@ -298,6 +222,13 @@ def _figures(
         "size x": (float(size[0]), "mm"),
         "size y": (float(size[1]), "mm"),
         "size z": (float(size[2]), "mm"),
+        "smallest panel size": (float(sizes.min()), "mm"),
+        "median panel size": (float(np.median(sizes)), "mm"),
+        "largest panel size": (float(sizes.max()), "mm"),
+        "panels off the size asked by more than a factor of 2": (
+            int(np.sum(np.abs(np.log2(sizes / design.lattice.panel_size)) > 1)),
+            "",
+        ),
         "panel area": (fsum(part.area for part in parts.panels) / 1e6, "m²"),
         "beam length": (fsum(part.length for part in parts.beams) / 1e3, "m"),
         **{f"mass of {name}": (value, "kg") for name, value in masses.items()},
@@ -311,7 +242,7 @@ def _figures(
         figures["beam drop"] = (beam_drop(shell, beam, panel), "mm")
     if index is not None:
         figures["unstable directions of the film"] = (index, "")
-    return figures
+    return {**figures, **formed.figures}
 
 
 def _silent(stage: str, done: int, total: int) -> None:

@@ -70,15 +70,20 @@ def test_every_key_can_be_set_and_comes_back():
         name = "enneper"
         order = 2
         bonnet_angle = "0.5 rad"
-        base = [1, -2]
         scale = "2.2 m"
         u = [-0.8, 0.8]
         v = "closed"
+        [border]
+        direction = "plumb"
+        sagitta = "1 cm"
+        sliver = 0.1
+        sliver_width = 20
         [lattice]
         panel_size = "2 ft"
         rows_along = "u"
         row_ratio = 1.1
         turn = 0
+        evenness = 0.5
         [offset]
         type = "vertex"
         distance = "-9.8 cm"
@@ -118,13 +123,71 @@ def test_every_key_can_be_set_and_comes_back():
     design = parse_design(text)
     assert design.project.date == datetime.date(2026, 5, 1)
     assert design.surface.bonnet_angle == pytest.approx(math.degrees(0.5), rel=1e-15)
-    assert (design.surface.base, design.surface.u) == ((1.0, -2.0), (-0.8, 0.8))
+    assert design.surface.u == (-0.8, 0.8)
     assert (design.surface.scale, design.lattice.panel_size) == (2200.0, 609.6)
     assert (design.offset.distance, design.panels.thickness) == (-98.0, 12.7)
     assert (design.panels.density, design.beams.density) == (1100.0, MATERIALS["spruce"])
     assert (design.sheets.panels.length, design.sheets.beams.length) == (2500.0, 3000.0)
     assert design.nesting.seconds == 60.0
     assert design.checks.limits() == {"panel_mass": 25.0, "shortest_edge": 30.0}
+
+
+FILMS = [
+    ('name = "enneper"\nradius = 0.9\ncentre = [0, 0.1]', {"source": "named", "radius": 0.9}),
+    ('g = "z"\nheight_differential = "z"\nbase = [1, -2]', {"base": (1.0, -2.0)}),
+    ('rim = "rim.csv"', {"source": "rim", "rim": ("rim.csv",), "unit": None}),
+    (
+        'rim = ["out.dxf", "in.step"]\nunit = "m"\nlayer = "RIM"\ncorner_angle = 25\n'
+        'smooth_corners = "30 cm"\nfree = [1, 2]',
+        {"rim": ("out.dxf", "in.step"), "unit": "m", "smooth_corners": 300.0, "free": (1, 2)},
+    ),
+    (
+        "rim = [[0, 0, 0], [6000, 0, 900], [0, 6000, 0]]",
+        {"rim": (((0.0, 0.0, 0.0), (6000.0, 0.0, 900.0), (0.0, 6000.0, 0.0)),)},
+    ),
+    (
+        "rim = [[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 2], [1, 0, 2], [0, 1, 2]]]",
+        {"source": "rim"},
+    ),
+    ('mesh = "film.obj"\nunit = "m"', {"source": "mesh", "mesh": "film.obj"}),
+    (
+        'periodic = "gyroid"\ncells = [2, 1, 3]\nscale = "4 m"',
+        {"source": "periodic", "cells": (2, 1, 3), "scale": 4000.0},
+    ),
+]
+
+
+@pytest.mark.parametrize(("lines", "expected"), FILMS)
+def test_every_kind_of_film_can_be_asked_for(lines, expected):
+    design = parse_design(f"[surface]\n{lines}\n[lattice]\npanel_size = 600\n")
+    assert {key: getattr(design.surface, key) for key in expected} == expected
+    assert Design.model_validate(design.model_dump()) == design
+    assert Design.model_validate_json(design.model_dump_json()) == design
+    assert len({design, make_design(design.model_dump())}) == 1
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ('rim = "a.csv"\nmesh = "b.obj"', ["several surfaces", "leave out rim, or mesh"]),
+        ('rim = "a.csv"\nscale = 2', ["surface.scale", "its own size"]),
+        ('name = "enneper"\nfree = [1]', ["surface.free", "belongs to rim"]),
+        ('name = "enneper"\nbase = [1, 0]', ["surface.base", "height_differential"]),
+        ('name = "enneper"\nunit = "m"', ["surface.unit", "rim or mesh"]),
+        ('name = "enneper"\nradius = 1\nu = [0, 1]', ["surface.u", "given by radius"]),
+        ('periodic = "gyroid"\ncells = [0, 1, 1]', ["surface.cells", "at least one"]),
+        ('mesh = "a.obj"\ncells = [2, 1, 1]', ["surface.cells", "belongs to periodic"]),
+        ("rim = 3", ["surface.rim = 3", "a file", 'write rim = "rim.csv"']),
+        ("rim = [[0, 0], [1, 1]]", ["surface.rim", "points [[x, y, z], …]"]),
+        ('rim = "a.csv"\n[lattice]\nturn = 3', ["lattice.turn", "umbilics"]),
+    ],
+)
+def test_a_film_has_one_source_and_no_keys_of_another(lines, words):
+    tail = "panel_size = 600\n"
+    text = f"[surface]\n{lines}\n{'' if '[lattice]' in lines else '[lattice]'}\n{tail}"
+    told = refusal(text)
+    for word in words:
+        assert word in told
 
 
 def test_a_design_survives_a_round_trip_and_keeps_where_it_came_from(tmp_path):
@@ -183,7 +246,7 @@ def test_known_materials_need_no_density(name):
 WRONG = [
     # table, line, key, value as written, words of the remedy
     ("panels", "thikness = 8", "panels.thikness", "8", 'did you mean "thickness"?'),
-    ("panels", "radius = 8", "panels.radius", "8", "it belongs to [nodes]"),
+    ("panels", "radius = 8", "panels.radius", "8", "it belongs to [surface] or [nodes]"),
     ("nesting", "qqq = 8", "nesting.qqq", "8", "packer, seconds, seed"),
     ("frobnicate", "x = 8", "frobnicate", "{…}", "a design knows title, project, surface"),
     ("panels", 'thickness = "8 kg"', "panels.thickness", '"8 kg"', "mass, but a length"),

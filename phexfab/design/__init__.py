@@ -3,6 +3,7 @@
 from phexfab.design.checks import Checks
 from phexfab.design.load import load_design, make_design, parse_design
 from phexfab.design.materials import MATERIALS
+from phexfab.design.mesh_method import Mesh
 from phexfab.design.model import (
     Beams,
     Design,
@@ -25,6 +26,7 @@ __all__ = [
     "Checks",
     "Design",
     "Lattice",
+    "Mesh",
     "Nesting",
     "Nodes",
     "Offset",

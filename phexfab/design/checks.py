@@ -58,6 +58,9 @@ class Checks(Section):
     surface_distance: Distance | None = Field(
         default=None, description="vertices off the smooth surface, at most", examples=["25"]
     )
+    rim_distance: Distance | None = Field(
+        default=None, description="border off the given rim, at most", examples=["10"]
+    )
     sharpest_corner: Degrees | None = Field(
         default=None, description="sharpest corner of a panel, at least", examples=["30"]
     )
@@ -65,6 +68,17 @@ class Checks(Section):
         default=None,
         description="cut of a beam's end against a square one, at most",
         examples=["75"],
+    )
+    rim_corner: Degrees | None = Field(
+        default=None, description="sharpest corner that a rim cuts, at least", examples=["10"]
+    )
+    rim_beam_angle: Degrees | None = Field(
+        default=None, description="angle between two beams at a rim, at least", examples=["10"]
+    )
+    rim_mitre: Degrees | None = Field(
+        default=None,
+        description="cut of a beam's end at a rim against a square one, at most",
+        examples=["85"],
     )
     panel_fits_sheet: Distance | None = Field(
         default=None, description="panel beyond the usable stock sheet, at most", examples=["0"]

@@ -58,6 +58,30 @@ def _iso_date(value: object) -> object:
     return value
 
 
+def _rims(value: object) -> object:
+    """Take a file, a list of files, a list of points, or a list of lists of points."""
+    if value is None or isinstance(value, str):
+        return value if value is None else (value,)
+    wanted = 'a file, several files, or points are needed; write rim = "rim.csv"'
+    if not isinstance(value, list | tuple) or not value:
+        raise DesignError(wanted)
+    if all(isinstance(item, str) for item in value):
+        return tuple(value)
+    loops = value if _is_loop(value[0]) else [value]
+    if not all(_is_loop(loop) for loop in loops):
+        raise DesignError(f"{wanted}, or points [[x, y, z], …]")
+    return tuple(
+        tuple(tuple(quantity(number, "number") for number in point) for point in loop)
+        for loop in loops
+    )
+
+
+def _is_loop(value: object) -> bool:
+    return isinstance(value, list | tuple) and all(
+        isinstance(point, list | tuple) and len(point) == 3 for point in value
+    )
+
+
 Length = Annotated[float, _of_kind("length")]
 Positive = Annotated[float, _of_kind("length"), Field(gt=0)]
 Ratio = Annotated[float, _of_kind("number"), Field(ge=0)]
@@ -69,5 +93,9 @@ Density = Annotated[float, _of_kind("density"), Field(gt=0)]
 Seconds = Annotated[float, _of_kind("time"), Field(gt=0)]
 Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
 Range = Annotated[tuple[float, float] | Literal["closed"] | None, BeforeValidator(_range)]
+Share = Annotated[float, _of_kind("number"), Field(ge=0, le=1)]
+Point = tuple[float, float, float]
+Rims = Annotated[tuple[str, ...] | tuple[tuple[Point, ...], ...] | None, BeforeValidator(_rims)]
+LengthUnit = Literal["mm", "cm", "m", "um", "in", "ft"]
 RowRatio = Annotated[float, BeforeValidator(_row_ratio), Field(gt=0.5)]
 Date = Annotated[datetime.date | None, BeforeValidator(_iso_date)]

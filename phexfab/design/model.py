@@ -26,15 +26,16 @@ from phexfab.design.fields import (
     Density,
     Distance,
     Length,
-    Pair,
     Positive,
-    Range,
     RowRatio,
     Seconds,
     Section,
+    Share,
 )
 from phexfab.design.materials import MATERIALS, known_density
+from phexfab.design.mesh_method import Mesh
 from phexfab.design.rules import RuleBreach, broken_rules
+from phexfab.design.surface import Border, Surface
 from phexfab.design.units import quantity
 from phexfab.errors import DesignError
 from phexfab.triangular import EQUILATERAL
@@ -73,49 +74,6 @@ class Project(Section):
     )
 
 
-class Surface(Section):
-    """The smooth minimal surface and the piece of it that is built."""
-
-    name: str | None = Field(
-        default=None, description="a surface of the catalog", examples=['"catenoid"', '"enneper"']
-    )
-    order: int | None = Field(
-        default=None, ge=1, description="order of a surface that comes in orders", examples=["2"]
-    )
-    ends: int | None = Field(
-        default=None, ge=3, description="number of a k-noid's ends", examples=["5"]
-    )
-    bonnet_angle: Angle | None = Field(
-        default=None, description="member of the associate family", examples=["90", '"0.5 rad"']
-    )
-    g: str | None = Field(
-        default=None,
-        description="a surface of one's own: the Gauss map g(z)",
-        examples=['"z"', '"z**2"'],
-    )
-    height_differential: str | None = Field(
-        default=None,
-        description="with g: dh/dz, the height differential",
-        examples=['"z"', '"1/z"'],
-    )
-    base: Pair = Field(
-        default=(0.0, 0.0),
-        description="with g: the point z where w = 0, [re, im]",
-        examples=["[1, 0]"],
-    )
-    scale: Positive = Field(
-        1000.0, description="length of one unit of the surface", examples=["2200", '"2.2 m"']
-    )
-    u: Range = Field(
-        default=None,
-        description="curvature-line coordinates from, to; the catalog's when left out",
-        examples=["[-0.8, 0.8]", '"closed"'],
-    )
-    v: Range = Field(
-        default=None, description="likewise, across", examples=["[-1.0, 1.0]", '"closed"']
-    )
-
-
 class Lattice(Section):
     """How the surface is divided into hexagons."""
 
@@ -135,6 +93,11 @@ class Lattice(Section):
     )
     turn: Angle = Field(
         default=0.0, description="turn of the rows off the principal direction", examples=["4"]
+    )
+    evenness: Share = Field(
+        default=0.0,
+        description="0 keeps the curvature lines, 1 makes panels as even in size as they can be",
+        examples=["0", "0.8"],
     )
 
 
@@ -269,6 +232,8 @@ class Design(Section):
     )
     project: Project = Field(default_factory=Project)
     surface: Surface
+    mesh: Mesh = Field(default_factory=Mesh)
+    border: Border = Field(default_factory=Border)
     lattice: Lattice
     offset: Offset = Field(default_factory=Offset)
     panels: Panels = Field(default_factory=Panels)

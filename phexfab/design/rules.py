@@ -13,19 +13,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from phexfab.design.mesh_rules import free_form
+from phexfab.design.problem import Problem
 from phexfab.triangular import ASYMPTOTIC_MARGIN, EQUILATERAL, asymptotic_gap, mean_distance
 
 if TYPE_CHECKING:
     from phexfab.design import model as m
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One thing that is wrong: at which key, what, and what to do about it."""
-
-    key: str
-    text: str
-    remedy: str
 
 
 class RuleBreach(ValueError):
@@ -74,8 +67,10 @@ def median_panel(lattice: m.Lattice) -> MedianPanel:
     )
 
 
-def lattice_directions(lattice: m.Lattice) -> Iterator[Problem]:
+def lattice_directions(lattice: m.Lattice, mesh: m.Mesh) -> Iterator[Problem]:
     """No lattice direction may be asymptotic (thesis §5.1.3): there, panel edges vanish."""
+    if mesh.method is not None:  # where they are depends on the surface
+        return
     slant = math.degrees(math.atan(2 * lattice.row_ratio))
     near, _ = asymptotic_gap(lattice.row_ratio, lattice.turn)
     if near < ASYMPTOTIC_MARGIN:
@@ -106,41 +101,92 @@ def closing(surface: m.Surface, lattice: m.Lattice) -> Iterator[Problem]:
         )
 
 
+SOURCES = ("name", "g", "height_differential", "rim", "mesh", "periodic", "step")
+BELONGS = {  # keys of [surface] that mean something with one kind of film only
+    "catalog": {"order", "ends"},
+    "formula": {"base"},
+    "named": {"bonnet_angle", "u", "v", "radius", "centre"},
+    "rim": {"layer", "smooth_corners", "free"},
+    "periodic": {"cells"},
+    "step": {"face"},
+}
+NAMES = {
+    "catalog": "a surface of the catalog (name)",
+    "formula": "a surface of one's own (g and height_differential)",
+    "named": "name, or g and height_differential",
+    "rim": "rim",
+    "periodic": "periodic",
+    "step": "step",
+}
+
+
 def one_surface(surface: m.Surface) -> Iterator[Problem]:
-    """A surface is named, or given by its Weierstrass data."""
-    own = surface.g is not None or surface.height_differential is not None
-    if surface.name is not None and own:
+    """A film has one source, and no keys of another."""
+    given = [key for key in SOURCES if getattr(surface, key) is not None]
+    own = [key for key in given if key in ("g", "height_differential")]
+    if not given:
         yield Problem(
             "surface.name",
-            "a surface of the catalog and a surface of one's own are both given",
-            "leave out name, or g and height_differential",
+            "no surface is given",
+            'add name = "catenoid" (phexfab surfaces lists them), g and height_differential, '
+            'rim = "rim.csv", mesh = "film.obj" or periodic = "schwarz-p"',
         )
-    elif own and (surface.g is None or surface.height_differential is None):
-        missing = "g" if surface.g is None else "height_differential"
+        return
+    if len(given) - max(0, len(own) - 1) > 1:
+        yield Problem(
+            f"surface.{given[0]}",
+            f"several surfaces are given: {', '.join(given)}",
+            f"leave out {given[0]}, or {' and '.join(given[1:])}",
+        )
+        return
+    if len(own) == 1:
+        missing = "g" if own[0] != "g" else "height_differential"
         yield Problem(
             f"surface.{missing}",
             "a surface of one's own needs both g and height_differential",
             f'add {missing}, for example {missing} = "z"',
         )
-    elif surface.name is None and not own:
-        yield Problem(
-            "surface.name",
-            "no surface is given",
-            'add name = "catenoid" (phexfab surfaces lists them), or g and height_differential',
-        )
-    elif own:
-        for option in ("order", "ends"):
-            if getattr(surface, option) is not None:
+    fields = type(surface).model_fields
+    changed = {key for key in fields if getattr(surface, key) != fields[key].default}
+    kinds = {surface.source}
+    if surface.source == "named":
+        kinds |= {"formula" if own else "catalog"}
+    for kind, keys in BELONGS.items():
+        if kind not in kinds:
+            for key in sorted(keys & changed):
                 yield Problem(
-                    f"surface.{option}",
-                    "is an option of the catalog's surfaces",
-                    "leave it out and write it into g and height_differential",
+                    f"surface.{key}", f"belongs to {NAMES[kind]}", "leave it out, or change that"
                 )
+    if "scale" in changed and surface.source in ("rim", "mesh", "step"):
+        yield Problem(
+            "surface.scale", f"a {surface.source} has its own size", 'leave it out; see unit = "m"'
+        )
+    if "unit" in changed and surface.source not in ("rim", "mesh"):
+        yield Problem("surface.unit", "belongs to rim or mesh", "leave it out")
+    if surface.radius is not None:
+        for key in ("u", "v"):
+            if getattr(surface, key) is not None:
+                yield Problem(
+                    f"surface.{key}", "the piece is given by radius already", "leave one out"
+                )
+    if min(surface.cells) < 1:
+        yield Problem("surface.cells", "there is at least one cell each way", "write [1, 1, 1]")
 
 
-def packing_lattice(offset: m.Offset, lattice: m.Lattice) -> Iterator[Problem]:
+def grown_lattice(surface: m.Surface, lattice: m.Lattice, mesh: m.Mesh) -> Iterator[Problem]:
+    """A lattice that closes up around umbilics follows the principal directions."""
+    film = surface.source != "named" or surface.radius is not None
+    if lattice.turn and film and mesh.method is None:
+        yield Problem(
+            "lattice.turn",
+            "rows on a film close up around its umbilics, along the principal directions",
+            "take turn = 0",
+        )
+
+
+def packing_lattice(offset: m.Offset, lattice: m.Lattice, mesh: m.Mesh) -> Iterator[Problem]:
     """Circle packings know only the equilateral lattice."""
-    if offset.type == "edge" and lattice.row_ratio != EQUILATERAL:
+    if mesh.method is None and offset.type == "edge" and lattice.row_ratio != EQUILATERAL:
         yield Problem(
             "lattice.row_ratio",
             'offset.type = "edge" rests on a circle packing, which is equilateral',
@@ -236,9 +282,11 @@ def beams_and_hubs(beams: m.Beams, nodes: m.Nodes, lattice: m.Lattice) -> Iterat
 Rule = Callable[..., Iterator[Problem]]
 RULES: tuple[tuple[tuple[str, ...], Rule], ...] = (
     (("surface",), one_surface),
-    (("lattice",), lattice_directions),
+    (("surface", "mesh", "offset", "lattice", "border"), free_form),
+    (("lattice", "mesh"), lattice_directions),
     (("surface", "lattice"), closing),
-    (("offset", "lattice"), packing_lattice),
+    (("surface", "lattice", "mesh"), grown_lattice),
+    (("offset", "lattice", "mesh"), packing_lattice),
     (("panels", "lattice"), gap_and_panel),
     (("sheets",), stock_room),
     (("panels", "lattice", "sheets"), panel_and_sheet),

@@ -7,6 +7,7 @@ M and S.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,8 @@ def check_geometry(
     *,
     surface_distance: FloatArray | None = None,
     offset_distance: float | None = None,
+    rim_distance: float | None = None,
+    minimal: bool = True,
 ) -> list[CheckResult]:
     """Return the checks of a shell, each with its worst face, edge or vertex.
 
@@ -49,6 +52,10 @@ def check_geometry(
         Distance of every vertex of ``shell.mesh`` from the smooth surface.
     offset_distance : float, mm, optional
         The signed offset d that is built; checks M + d·S and the interval that d must lie in.
+    rim_distance : float, mm, optional
+        Largest distance between a given rim and the border.
+    minimal : bool
+        Whether the shell is to be minimal; False leaves that check out.
 
     Raises
     ------
@@ -64,16 +71,24 @@ def check_geometry(
     if not mesh.n_faces:
         raise MeshError("the shell has no panel; choose smaller panels or a larger rectangle")
     faces, beams, nodes = panel_marks(shell), beam_marks(shell), node_marks(shell)
+    # Cut panels keep the distance of their planes; along the rim nothing else is promised.
+    keeps = {
+        "face": np.ones(mesh.n_faces, bool),
+        "edge": ~shell.rim_edges,
+        "vertex": ~shell.rim_vertices,
+    }[shell.kind]
     by_kind = {"face": faces, "edge": beams, "vertex": nodes}[shell.kind]
+    by_kind = _those(by_kind, keeps)
     bad, off_plane = bad_faces(shell), planarity(mesh)
     lengths, ends = edge_lengths(shell), shell.edges[:, :2]
     torsion = node_axis_torsion(shell)
+    curved = [verdict("minimality", limits, minimality(shell), faces)] if minimal else []
     results = [
         verdict("planarity", limits, off_plane / mean_edge(mesh), faces),
         verdict("planarity_mm", limits, off_plane, faces),
         verdict("parallelism", limits, parallelism(shell), beams),
-        verdict("minimality", limits, minimality(shell), faces),
-        verdict("offset_constancy", limits, offset_defect(shell), by_kind),
+        *curved,
+        verdict("offset_constancy", limits, offset_defect(shell)[keeps], by_kind),
         verdict(
             "node_axis_torsion",
             limits,
@@ -88,10 +103,13 @@ def check_geometry(
             [faces[int(bad.argmax())] if bad.any() else ""],
         ),
         verdict("shortest_edge", limits, lengths, beams),
-        verdict("beam_angle", limits, beam_angles(shell), nodes),
     ]
+    angles, at_rim = beam_angles(shell), shell.rim_vertices
+    for name, kept in (("beam_angle", ~at_rim), ("rim_beam_angle", at_rim)):
+        if kept.any():
+            results.append(verdict(name, limits, angles[kept], _those(nodes, kept)))
     if offset_distance:
-        spread = offset_spread(shell, offset_distance)
+        spread = offset_spread(shell, offset_distance)[keeps]
         results.append(verdict("offset_spread", limits, spread, by_kind))
         share = offset_shares(shell, offset_distance)
         results.append(verdict("offset_interval", limits, share, beams))
@@ -102,6 +120,8 @@ def check_geometry(
                 f"surface_distance has {len(distance)} values, the shell {len(nodes)} vertices"
             )
         results.append(verdict("surface_distance", limits, np.abs(distance), nodes))
+    if rim_distance is not None:
+        results.append(verdict("rim_distance", limits, np.array([rim_distance]), [""]))
     return results
 
 
@@ -132,8 +152,9 @@ def edge_lengths(shell: Shell) -> FloatArray:
 def parallelism(shell: Shell) -> FloatArray:
     """Return the (E,) sines of the angles between M's edges and S's."""
     m, s = _along(shell, shell.mesh.vertices), _along(shell, shell.gauss.vertices)
-    across = np.linalg.norm(np.cross(m, s), axis=1)
-    return across / (np.linalg.norm(m, axis=1) * np.linalg.norm(s, axis=1))
+    across = np.linalg.norm(np.cross(m, s), axis=1) / np.linalg.norm(m, axis=1)
+    # An edge of S without length has no direction: what counts is how far it is off.
+    return across / np.maximum(np.linalg.norm(s, axis=1), 1e-4)
 
 
 def bad_faces(shell: Shell) -> BoolArray:
@@ -225,6 +246,10 @@ def offset_shares(shell: Shell, distance: float) -> FloatArray:
         share = -distance / ratios
     # A vanished edge of M is at its limit already.
     return np.where(ratios == 0, math.inf, np.maximum(share, 0.0))
+
+
+def _those(marks: Sequence[str], kept: BoolArray) -> tuple[str, ...]:
+    return tuple(mark for mark, keep in zip(marks, kept.tolist(), strict=True) if keep)
 
 
 def _along(shell: Shell, vertices: FloatArray) -> FloatArray:

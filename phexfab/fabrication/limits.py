@@ -44,10 +44,15 @@ class Limits:
         Smallest angle between two beams of a node, seen along its axis.
     surface_distance : float, mm
         Largest distance of a vertex of M from the smooth surface.
+    rim_distance : float, mm
+        Largest distance between the given rim and the border of M, measured both ways.
     sharpest_corner : float, deg
         Smallest interior angle of a panel's cut contour.
     mitre_angle : float, deg
         Largest cut of a beam's end against a square one.
+    rim_corner, rim_beam_angle, rim_mitre : float, deg
+        The same three, and ``beam_angle``, where a rim cuts the shell: the rows of panels meet a
+        rim at any angle, so that corners there are as sharp as they happen to be.
     panel_fits_sheet, beam_fits_sheet : float, mm
         Most by which the blank of a panel or beam may exceed the usable stock sheet.
     panel_mass : float, kg
@@ -70,8 +75,12 @@ class Limits:
     shortest_edge: float = 20.0
     beam_angle: float = 30.0
     surface_distance: float = 25.0
+    rim_distance: float = 25.0
     sharpest_corner: float = 30.0
     mitre_angle: float = 75.0
+    rim_corner: float = 10.0
+    rim_beam_angle: float = 10.0
+    rim_mitre: float = 85.0
     panel_fits_sheet: float = 0.0
     beam_fits_sheet: float = 0.0
     panel_mass: float = 60.0
@@ -99,6 +108,10 @@ class CheckKind:
 
 
 _LATTICE = "choose larger panels, another row ratio, or a rectangle farther from strong curvature"
+_RIM = (
+    "turn the rows (lattice.rows_along), change the panel size a little so that the rim meets "
+    "other edges, or choose border.direction"
+)
 _SOLVER = (
     "the solve did not reach rounding: coarsen the lattice or shrink the rectangle of parameters"
 )
@@ -125,9 +138,20 @@ KINDS: dict[str, CheckKind] = {
     "surface_distance": CheckKind(
         "mm", "<=", "vertices off the smooth surface", "choose smaller panels"
     ),
+    "rim_distance": CheckKind(
+        "mm",
+        "<=",
+        "border off the given rim",
+        "choose smaller panels, a smaller border.sagitta, or a smaller border.sliver",
+    ),
     "sharpest_corner": CheckKind("deg", ">=", "sharpest corner of a cut contour", _LATTICE),
     "mitre_angle": CheckKind(
         "deg", "<=", "cut of a beam's end against square", _LATTICE + ", or use hubs at the nodes"
+    ),
+    "rim_corner": CheckKind("deg", ">=", "sharpest corner that the rim cuts", _RIM),
+    "rim_beam_angle": CheckKind("deg", ">=", "angle between beams at the rim", _RIM),
+    "rim_mitre": CheckKind(
+        "deg", "<=", "cut of a beam's end at the rim against square", _RIM + ", or use hubs"
     ),
     "panel_fits_sheet": CheckKind(
         "mm",

@@ -52,8 +52,12 @@ def check_parts(
             results.append(verdict("panel_fits_sheet", limits, over, marks))
         mass = np.array([panel.mass for panel in panels])
         results.append(verdict("panel_mass", limits, mass, marks))
-        corners = sharpest_corners([panel.flat.outline for panel in panels])
-        results.append(verdict("sharpest_corner", limits, corners, marks))
+        corners, starts = contour_corners([panel.flat.outline for panel in panels])
+        at_rim = rim_corners(panels, shell)
+        for name, kept in (("sharpest_corner", ~at_rim), ("rim_corner", at_rim)):
+            if kept.any():
+                sharpest = np.minimum.reduceat(np.where(kept, corners, 360.0), starts)
+                results.append(verdict(name, limits, sharpest, marks))
         pairs = neighbour_pairs(panels, shell)
         if len(pairs):
             gaps = clearances([panel.solid for panel in panels], pairs)
@@ -61,8 +65,12 @@ def check_parts(
             results.append(verdict("panel_clearance", limits, gaps, names))
     if beams:
         marks = [beam.mark for beam in beams]
-        mitres = np.array([np.abs(beam.mitres).max() for beam in beams])
-        results.append(verdict("mitre_angle", limits, mitres, marks))
+        mitres = np.abs([beam.mitres for beam in beams]).max(axis=2)
+        ends = shell.rim_vertices[shell.edges[[beam.edge for beam in beams], :2]]
+        for name, kept in (("mitre_angle", ~ends), ("rim_mitre", ends)):
+            if kept.any():
+                worst = np.where(kept, mitres, 0.0).max(axis=1)
+                results.append(verdict(name, limits, worst, marks))
         if "beams" in stocks:
             over = sheet_overhangs([beam.flat.blank for beam in beams], stocks["beams"])
             results.append(verdict("beam_fits_sheet", limits, over, marks))
@@ -82,14 +90,28 @@ def neighbour_pairs(panels: Sequence[Panel], shell: Shell) -> IntArray:
     return np.unique(pairs[(pairs >= 0).all(axis=1)], axis=0)
 
 
-def sharpest_corners(outlines: Sequence[FloatArray]) -> FloatArray:
-    """Return the smallest interior angle in degrees of every counter-clockwise contour."""
+def rim_corners(panels: Sequence[Panel], shell: Shell) -> NDArray[np.bool_]:
+    """Return True for every corner of the panels' outlines, in order, that a rim plane cuts."""
+    mesh, found = shell.mesh, []
+    for panel in panels:
+        corners = mesh.corners[mesh.starts[panel.face] : mesh.starts[panel.face + 1]]
+        here, sides = shell.rim_vertices[corners], len(panel.flat.outline)
+        # An outline with other corners than its face has been changed by hand.
+        found.append(here if len(here) == sides else np.zeros(sides, bool))
+    return np.concatenate(found)
+
+
+def contour_corners(outlines: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
+    """Return the interior angles in degrees of counter-clockwise contours, and where each starts.
+
+    All angles stand in one array, in order.
+    """
     sides = np.array([len(outline) for outline in outlines])
     flat = np.concatenate(list(outlines))
     starts = np.concatenate([[0], np.cumsum(sides)])
     mesh = PolyMesh(np.column_stack([flat, np.zeros(len(flat))]), np.arange(len(flat)), starts)
     up = np.broadcast_to([0.0, 0.0, 1.0], (len(sides), 3))
-    return np.minimum.reduceat(corner_angles(mesh, up), starts[:-1])
+    return corner_angles(mesh, up), starts[:-1]
 
 
 def sheet_overhangs(blanks: Sequence[FloatArray], stock: Stock) -> FloatArray:

@@ -32,13 +32,17 @@ def farthest_direction(normals: FloatArray) -> FloatArray:
 
 
 def rotation_to_north(direction: FloatArray) -> FloatArray:
-    """Return the (3, 3) rotation that takes a unit vector to (0, 0, 1) along the shortest way."""
-    x, y, z = direction
-    if z < -1 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
+    """Return a (3, 3) rotation that takes a unit vector to (0, 0, 1).
+
+    The shortest one on the northern half; from the southern half a half-turn about x goes before
+    it, since near the south pole the shortest rotation is lost in rounding.
+    """
+    half_turn = np.diag([1.0, -1.0, -1.0])
+    x, y, z = direction if direction[2] >= 0 else half_turn @ direction
     v = np.array([y, -x, 0.0])  # direction × north
     skew = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.eye(3) + skew + skew @ skew / (1 + z)
+    turn = np.eye(3) + skew + skew @ skew / (1 + z)
+    return turn if direction[2] >= 0 else turn @ half_turn
 
 
 def lift_circles(centres: ComplexArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-FLAT = 30.0
+FLAT = 36.5
 """Degrees that one plane for a whole side may lean from the film's normals."""
 
 STEEP = 60.0
@@ -101,7 +101,7 @@ def flat_plane(border: Border, start: float, end: float) -> FloatArray | None:
     """Return normal and height (4,) of the plane of a planar side that crosses the film steeply.
 
     None where the side is not planar, is straight (it lies in many planes), or lies in a plane
-    that leans more than 30° from the film's normals.
+    that leans more than 36.5° from the film's normals.
     """
     along = border.between(start, end, border.length / 4000)
     points, normals = border.at(along)

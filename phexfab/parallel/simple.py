@@ -89,7 +89,7 @@ def _is_simple(mesh: PolyMesh, border: Border) -> bool:
     )
 
 
-def _runs(mesh: PolyMesh, border: Border) -> tuple[IntArray, IntArray] | None:
+def border_runs(mesh: PolyMesh, border: Border) -> tuple[IntArray, IntArray] | None:
     """Return run and place in it of every border edge; None if a border has no run's end."""
     valence = border.valence[mesh.corners[border.corner]]
     first = np.flatnonzero(valence == 1)
@@ -131,7 +131,7 @@ def simple_basis(mesh: PolyMesh) -> Any | None:
     border = border_of(mesh)
     if border is None or not _is_simple(mesh, border):
         return None
-    found = _runs(mesh, border)
+    found = border_runs(mesh, border)
     if found is None:
         return None
     run, place = found
@@ -229,7 +229,7 @@ def shell_of_mesh(
     if border == "panels":
         return Shell(normals, heights, s_heights, triangles, kind, points)
 
-    found = _runs(mesh, edge)
+    found = border_runs(mesh, edge)
     if found is None:
         raise MeshError('a border has no vertex with one face; use border="panels"')
     run, _ = found
@@ -305,9 +305,11 @@ def _run_normals(
     n = int(run.max(initial=-1)) + 1
     outer = (unit[:, :, None] * unit[:, None, :]).reshape(-1, 9)
     spread = np.column_stack([np.bincount(run, outer[:, k], n) for k in range(9)])
-    normal = np.linalg.eigh(spread.reshape(-1, 3, 3))[1][:, :, 0]
+    values, vectors = np.linalg.eigh(spread.reshape(-1, 3, 3))
+    normal = vectors[:, :, 0]
     first = np.unique(run, return_index=True)[1]
-    single = np.bincount(run, minlength=n) == 1
+    # A straight run lies in many planes, like a single edge.
+    single = values[:, 1] < 1e-12 * values[:, 2]
     upright = np.cross(unit[first], panel_normals[first])
     normal = np.where(single[:, None], upright, normal)
     mean = np.column_stack([np.bincount(run, panel_normals[:, k], n) for k in range(3)])

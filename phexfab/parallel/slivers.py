@@ -88,7 +88,7 @@ class Patchwork:
         for a, b, c in triangles.tolist():
             self._add(a, b, c)
         self.copies: list[int] = []
-        """Rim plane that each extra rim plane is a copy of."""
+        """Given rim plane that each extra rim plane is a copy of."""
 
     def _add(self, a: int, b: int, c: int) -> None:
         for p, q, r in ((a, b, c), (b, c, a), (c, a, b)):
@@ -139,7 +139,8 @@ class Patchwork:
         """Return a new rim plane that coincides with one there is."""
         self.normals = np.vstack([self.normals, self.normals[plane]])
         self.heights = np.append(self.heights, self.heights[plane])
-        self.copies.append(plane)
+        given = len(self.heights) - 1 - len(self.copies)
+        self.copies.append(plane if plane < given else self.copies[plane - given])
         return len(self.heights) - 1
 
 

@@ -150,17 +150,13 @@ class _Walker:
         # Across every ruling in the plane that ends there: is a point beyond it?
         following = np.roll(fence.rulings, -1, axis=0)
         self.across = np.cross(following, fence.normals) if self.m else np.zeros((0, 3))
-        self.across *= (
-            np.sign(
-                np.einsum(
-                    "ij,ij->i",
-                    self.across,
-                    np.roll(fence.points, -1, axis=0) - fence.points,
-                )
-            )[:, None]
-            if self.m
-            else 1.0
-        )
+        if self.m:
+            # The border's way just before the ruling: a long side may begin beyond its line.
+            begin = fence.stations.along
+            ahead = np.roll(begin, -1) - begin
+            ahead[-1] += fence.border.length
+            last = fence.border.at(begin + ahead)[0] - fence.border.at(begin + 0.95 * ahead)[0]
+            self.across *= np.sign(np.einsum("ij,ij->i", self.across, last))[:, None]
 
     def run(self) -> tuple[list[Arc], list[Crossing]]:
         panel, plane, point = self._start()

@@ -41,6 +41,7 @@ def grow_lattice(
     rows_along: str = "u",
     evenness: float = 0.0,
     kind: str = "face",
+    trim: bool = True,
 ) -> Lattice:
     """Return the lattice whose points fill a plane domain of parameters, umbilics included.
 
@@ -51,6 +52,9 @@ def grow_lattice(
         A disc in z, with round holes or without.
     panel_size, row_ratio, rows_along, evenness, kind
         See ``seamless``.
+    trim : bool
+        Leave out panels beside an umbilic whose own panel the border cuts off; False for what is
+        cut along a rim later.
 
     Returns
     -------
@@ -73,18 +77,19 @@ def grow_lattice(
             rows_along=rows_along,
             evenness=evenness,
             kind=kind,
-        )
+        ),
+        trim,
     )
 
 
-def lattice_of(on: Seamless) -> Lattice:
+def lattice_of(on: Seamless, trim: bool = True) -> Lattice:
     """Return the lattice of a seamless coordinate, see ``grow_lattice``."""
     atlas = build_atlas(on.quantity, on.domain, on.apices.places, on.apices.orders)
     offset = _offsets(on, atlas)
     z, chart = _points(on, atlas, offset)
     start, goal, sector, valence = _neighbours(on, atlas, z, chart)
     triangles = star_triangles(start, goal, sector, valence, len(z))
-    triangles = around_panels(triangles, valence)
+    triangles = around_panels(triangles, valence, trim)
     if not len(triangles):
         raise LatticeError(
             f"{on.surface.name}: no panel fits the domain at panels of about "
@@ -215,6 +220,8 @@ def _points(on: Seamless, atlas: Atlas, offset: ComplexArray) -> tuple[ComplexAr
     good[good] = _owns(atlas, chart[good], z[good])
     z = np.concatenate([on.apices.places, z[good]])
     chart = np.concatenate([np.arange(k), chart[good]])
+    if len(z) == k:
+        return z, chart
     _, speed = atlas.coordinate(chart[k:], z[k:])
     room = on.plane.step / np.abs(speed).max(initial=1e-300)
     pairs = cKDTree(np.column_stack([z.real, z.imag])).query_pairs(

@@ -42,7 +42,7 @@ def star_triangles(
     return np.asarray(found[seen == 3])
 
 
-def around_panels(triangles: IntArray, valence: IntArray) -> IntArray:
+def around_panels(triangles: IntArray, valence: IntArray, trim: bool = True) -> IntArray:
     """Return the triangles that touch a panel of the largest connected group of panels.
 
     Parameters
@@ -50,12 +50,15 @@ def around_panels(triangles: IntArray, valence: IntArray) -> IntArray:
     triangles : (t, 3) int
     valence : (n,) int
         How many triangles close the ring around each point: six but at apices.
+    trim : bool
+        Leave out panels beside an apex whose own panel the border cuts off: its wide plane trims
+        them askew. What is cut along a rim later keeps them, to reach beyond it.
     """
     n = len(valence)
     panel = np.bincount(triangles.ravel(), minlength=n) == valence
-    # The wide plane at an umbilic whose panel the border cuts off would trim its neighbours askew.
-    cut_off = (valence != 6) & ~panel
-    panel[triangles[cut_off[triangles].any(1)]] = False
+    if trim:
+        cut_off = (valence != 6) & ~panel
+        panel[triangles[cut_off[triangles].any(1)]] = False
     a, b = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
     both = panel[a] & panel[b]
     graph = sp.coo_matrix((np.ones(int(both.sum())), (a[both], b[both])), shape=(n, n))

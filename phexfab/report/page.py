@@ -120,7 +120,7 @@ def _shell(data: ReportData) -> str:
     shell = shell_figure(data.shell, size=(960, 768), view=look, colours=256)
     gauss = gauss_figure(data.shell, size=(960, 768), view=look, colours=256)
     return (
-        '<section><h2>Shell and Gauss image</h2><p class="lead">The discrete minimal surface M and '
+        '<section><h2>Shell and Gauss image</h2><p class="lead">The shell M and '
         "its Gauss image S around the unit sphere. Each face of S is parallel to the face of M in "
         "the same colour, and each corner of S is the axis of a node of M. "
         f"Coloured by {fields[0].name} in this picture.</p>"

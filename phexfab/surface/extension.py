@@ -11,7 +11,7 @@ general no continuation, is met to the reported distance and not exactly.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +51,7 @@ class ExtendedFilm:
     film : DiscFilm
         The film of the given rim.
     margin : float
-        Least distance from the end of the surface to the given rim, mm.
+        Least distance from the end of the surface to the given rim, mm, over the share wanted.
     rim_distance : float
         Largest distance from the film's given boundary to the surface, mm.
     rim_parameters : (n,) complex
@@ -70,18 +70,26 @@ class ExtendedFilm:
         return np.abs(np.asarray(z)) <= self.radius
 
 
-def film_with_margin(rim: Rim, margin: float, free: Sequence[int] = ()) -> ExtendedFilm:
+def film_with_margin(
+    rim: Rim,
+    margin: float,
+    free: Sequence[int] = (),
+    shares: Callable[[DiscFilm], FloatArray] | None = None,
+) -> ExtendedFilm:
     """Return the film of a rim, going on beyond it by at least about ``margin`` (mm).
+
+    ``shares`` gives the margins that the film asks for, see `extended`.
 
     Raises
     ------
     SurfaceError
         As `plateau` and `extended`.
     """
-    return extended(plateau(rim, tolerance=FILM, free=free), margin)
+    film = plateau(rim, tolerance=FILM, free=free)
+    return extended(film, margin, None if shares is None else shares(film))
 
 
-def extended(film: DiscFilm, margin: float) -> ExtendedFilm:
+def extended(film: DiscFilm, margin: float, shares: FloatArray | None = None) -> ExtendedFilm:
     """Return a surface that contains a film and goes on beyond its boundary.
 
     Parameters
@@ -89,6 +97,9 @@ def extended(film: DiscFilm, margin: float) -> ExtendedFilm:
     film : DiscFilm
     margin : float
         In mm. Small against the size of the film; about two panels.
+    shares : (N,), optional
+        Share of the margin that is wanted beside each of the film's boundary samples; 1 everywhere
+        when left out.
 
     Raises
     ------
@@ -101,10 +112,11 @@ def extended(film: DiscFilm, margin: float) -> ExtendedFilm:
             f"{film.rim.name}: a margin of {margin:g} mm cannot be had around a rim of size "
             f"{film.surface.scale:.0f} mm; it must be positive and at most a third of that"
         )
-    return _continued(film, margin) or _enclosed(film, margin)
+    wanted = np.ones(len(film.angles)) if shares is None else np.asarray(shares, float)
+    return _continued(film, margin, wanted) or _enclosed(film, margin, wanted)
 
 
-def _continued(film: DiscFilm, margin: float) -> ExtendedFilm | None:
+def _continued(film: DiscFilm, margin: float, shares: FloatArray) -> ExtendedFilm | None:
     """Return the film on a larger circle, if its series is good for it."""
     if not isinstance(film.curve, NullSeries):
         return None
@@ -112,6 +124,7 @@ def _continued(film: DiscFilm, margin: float) -> ExtendedFilm | None:
     circle = np.exp(1j * angles)
     rim = film.surface.point(circle)
     tree = cKDTree(rim)
+    share = np.interp(angles, film.angles, shares, period=2 * np.pi)
     sizes = np.abs(film.curve.coefficients).max(axis=1)
     tail = np.cumsum(sizes[::-1])[::-1]
     count = int(np.searchsorted(-tail, -CUT))
@@ -119,7 +132,8 @@ def _continued(film: DiscFilm, margin: float) -> ExtendedFilm | None:
 
     def reached(radius: float) -> float:
         surface = _scaled_surface(series.stretched(radius), film)
-        return float(tree.query(surface.point(circle))[0].min())
+        away, beside = tree.query(surface.point(circle))
+        return float((away / share[beside]).min())
 
     low, high = 1.0, 1.02
     while reached(high) < margin:
@@ -151,17 +165,20 @@ def _scaled_surface(series: NullSeries, film: DiscFilm) -> MinimalSurface:
     return null_curve_surface(series, film.rim.name, film.surface.scale, 0.5 * (low + high))
 
 
-def _enclosed(film: DiscFilm, margin: float) -> ExtendedFilm:
+def _enclosed(film: DiscFilm, margin: float, shares: FloatArray) -> ExtendedFilm:
     edge = film_edge(film, margin)
     wanted = int(np.clip(edge.step * len(edge.points) / (0.1 * margin), 256, 1024))
-    curve = evened(offset_curve(film, edge, margin), 0.2 * margin)
+    share = shares[cKDTree(film.points).query(edge.points)[1]]
+    share = averaged(share[:, None], 0.5 * margin / edge.step)[:, 0]
+    curve = evened(offset_curve(film, edge, margin, share), 0.2 * margin)
     curve = curve[:: max(1, len(curve) // wanted)]
     outer_rim = Rim.through(curve, name=film.rim.name)
     target = edge.points[:: max(1, len(edge.points) // RIM_SAMPLES)]
     best: tuple[float, DiscFilm, ComplexArray, FloatArray] | None = None
     for _ in range(CORRECTIONS + 1):
         try:
-            outer = plateau(outer_rim, tolerance=FILM)
+            # A corrected rim differs little from the one before.
+            outer = plateau(outer_rim, tolerance=FILM, start=best and best[1])
             at, height, apart = _feet(outer.surface, target)
         except SurfaceError:
             break
@@ -181,8 +198,9 @@ def _enclosed(film: DiscFilm, margin: float) -> ExtendedFilm:
             f"{where}; choose smaller panels or round the rim off there"
         )
     worst, outer, at, _ = best
-    reached = cKDTree(edge.points).query(outer.points)[0].min()
-    return ExtendedFilm(outer.surface, 1.0, film, float(reached), worst, at)
+    away, beside = cKDTree(edge.points).query(outer.points)
+    reached = float((away / share[beside]).min())
+    return ExtendedFilm(outer.surface, 1.0, film, reached, worst, at)
 
 
 def _feet(

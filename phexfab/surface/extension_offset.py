@@ -110,10 +110,13 @@ def averaged(values: FloatArray, width: float) -> FloatArray:
     return np.fft.irfft(damp[:, None] * np.fft.rfft(values, axis=0), len(values), axis=0)
 
 
-def offset_curve(film: DiscFilm, edge: FilmEdge, margin: float) -> FloatArray:
-    """Return a smooth closed curve (n, 3) about a margin outside the boundary, near the film."""
+def offset_curve(film: DiscFilm, edge: FilmEdge, margin: float, share: FloatArray) -> FloatArray:
+    """Return a smooth closed curve (n, 3) about a margin outside the boundary, near the film.
+
+    ``share`` (n,) is how much of the margin is wanted at each sample of the edge.
+    """
     # A film is flat at a corner: panels are largest there.
-    wanted = np.full(len(edge.points), margin)
+    wanted = margin * share
     if len(edge.corners):
         away = cKDTree(edge.corners).query(edge.points)[0]
         wanted *= 1.0 + CORNER * np.exp(-((away / margin) ** 2))
@@ -139,9 +142,9 @@ def offset_curve(film: DiscFilm, edge: FilmEdge, margin: float) -> FloatArray:
         else:
             break
         wide = averaged(wide[:, None], 0.5 * margin / edge.step)[:, 0]
-    least = wide.min()
-    if folded.any() or least < SLIMMEST * margin:
-        i = int(np.flatnonzero(folded)[0]) if folded.any() else int(wide.argmin())
+    slim = wide / wanted
+    if folded.any() or slim.min() < SLIMMEST:
+        i = int(np.flatnonzero(folded)[0]) if folded.any() else int(slim.argmin())
         raise SurfaceError(
             f"{film.rim.name}: the film cannot go on beyond its rim by {margin:.0f} mm near "
             f"{edge.points[i].round(0).tolist()}, where the rim turns inwards too sharply; "

@@ -276,11 +276,12 @@ def periodic_surface(name: str) -> PeriodicSurface:
         "gyroid": [[0, 0, 0], [1, 1, 1]],
     }[name]
     # P: mirror planes through the necks. D: planes through straight lines; corners are nodes of one
-    # labyrinth, as atoms in diamond. G: no corner in a scrap of its own, no flat point on the cut.
+    # labyrinth, as atoms in diamond. G: near the planes that
+    # the film crosses most steeply (within 35° of the normal), no flat point on the cut.
     corner = {
         "schwarz-p": [0.5, 0.5, 0.5],
         "schwarz-d": [0.25, 0.25, 0.25],
-        "gyroid": [0.0625, 0.0625, 0.3125],
+        "gyroid": [1 / 64, 1 / 64, 17 / 64],
     }
     return PeriodicSurface(
         name,

@@ -14,7 +14,7 @@ Math. Comp. 68 (1999).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,8 @@ class DiscFilm:
         mm².
     free : tuple of int
         The sides that slide in their planes.
+    state : BoundaryState or None
+        The samples from which it was made, for the films of similar rims to start from.
     """
 
     rim: Rim
@@ -73,6 +75,7 @@ class DiscFilm:
     conformality: float
     area: float
     free: tuple[int, ...] = ()
+    state: BoundaryState | None = None
 
 
 def plateau(
@@ -81,6 +84,7 @@ def plateau(
     samples: int | None = None,
     tolerance: float = TOLERANCE,
     free: Sequence[int] = (),
+    start: DiscFilm | None = None,
 ) -> DiscFilm:
     """Return the soap film of the type of a disc that a rim bounds.
 
@@ -100,6 +104,9 @@ def plateau(
         Numbers of the sides (between corners, from the first) that slide in the plane in which
         they are drawn, so that the film meets it at right angles. A straight line in the film is
         an ordinary, fixed side.
+    start : DiscFilm, optional
+        The film of a rim nearly the same, parameter by parameter, both smooth: much faster. It is
+        left aside where it turns out to be no good start.
 
     Raises
     ------
@@ -107,6 +114,10 @@ def plateau(
         If a free side cannot be free, or the film does not settle or is not resolved.
     """
     sides = sides_of(rim, free)
+    if start is not None:
+        near = _restarted(sides, start)
+        if near is not None:
+            return near
     least = max(FEWEST, 16 * sides.corners)
     counts = _counts(least, samples)
     best: tuple[float, BoundaryState, DirichletForm] | None = None
@@ -114,7 +125,10 @@ def plateau(
     trouble: SurfaceError | None = None
     for count in counts:
         try:
-            state, form = settle(first_state(sides, count) if now is None else resampled(now, 2))
+            if now is None:
+                state, form = settle(first_state(sides, count))
+            else:
+                state, form = settle(resampled(now, 2), damping=0.0)
         except SurfaceError as error:
             trouble, now = error, None
             continue
@@ -133,6 +147,25 @@ def plateau(
             f"{best[0]:.1e}): the rim is too long and narrow, or too sharply bent, for one disc"
         )
     return _film(sides, *best, tuple(sorted(sides.planes)))
+
+
+def _restarted(sides: Sides, start: DiscFilm) -> DiscFilm | None:
+    """Return the film next to that of a similar rim, or None where it is not as good."""
+    if start.state is None or sides.corners or start.state.sides.corners:
+        return None
+    begun = replace(
+        start.state,
+        sides=sides,
+        points=sides.point(sides.parameter(start.state.grid.side, start.state.s)),
+    )
+    try:
+        state, form = settle(begun, damping=0.0)
+    except SurfaceError:
+        return None
+    found = conformality(boundary_slopes(state, form))
+    if found > max(2 * start.conformality, GOOD):
+        return None
+    return _film(sides, found, state, form, ())
 
 
 def _counts(least: int, samples: int | None) -> list[int]:
@@ -210,6 +243,7 @@ def _film(
         conformality=defect,
         area=form.energy(state.points) * sides.size**2,
         free=free,
+        state=state,
     )
 
 

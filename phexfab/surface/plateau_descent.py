@@ -19,6 +19,9 @@ from phexfab.surface.plateau_grid import DirichletForm, FloatArray, power_share
 from phexfab.surface.plateau_state import UNEVEN, BoundaryState, resampled, unevenness
 
 STEPS = 40
+DAMPING = 1e-2  # of the first step from a rough start
+NEAR = 1e-3  # such steps, and dampings, are followed by steps with the same Hessian
+SHRINKING = 0.05  # ratio of their lengths
 MOVES = 4  # times that the samples are moved within one descent
 SETTLED = 1e-12  # of the square root of the energy's expected relative decrease
 UNSEEN = 3e-8  # of the same: its square is lost in the energy's rounding
@@ -116,13 +119,10 @@ def derivative_by_sample(values: FloatArray) -> FloatArray:
     return np.fft.ifft(waves.reshape(shape) * np.fft.fft(values, axis=0), axis=0).real
 
 
-def settle(
-    state: BoundaryState, damping: float = DAMPING
-) -> tuple[BoundaryState, DirichletForm]:
+def settle(state: BoundaryState, damping: float = DAMPING) -> tuple[BoundaryState, DirichletForm]:
     """Return the state of least energy near the given one, and the energy's form there.
 
-    The samples are moved along as the film's boundary slides. Close to the minimum the factors of
-    the last Hessian serve for the following steps too: these are cheap, and still shrink fast.
+    The samples are moved along as the film's boundary slides.
 
     Parameters
     ----------
@@ -137,14 +137,13 @@ def settle(
     """
     moves, form = 0, DirichletForm.on(state.grid, state.gaps)
     energy, last = form.energy(state.points), np.inf
-    kept: _Factor | None = None
     for _ in range(STEPS):
         unknowns = _unknowns(state)
-        if kept is not None:
-            step = kept.solve(_gradient(state, form, unknowns))
+        gradient, hessian, metric = _derivatives(state, form, unknowns)
         while True:
-            step = _solve(hessian + damping * metric, gradient)
-            if step is not None:
+            factor = _factor(hessian + damping * metric if damping else hessian)
+            if factor is not None:
+                step = factor.step(gradient)
                 expected = np.sqrt(abs(float(gradient @ step)) / energy)
                 fresh, taken = _moved(state, unknowns, step)
                 fresh_form = DirichletForm.on(fresh.grid, fresh.gaps) if unknowns.moved else form
@@ -163,8 +162,34 @@ def settle(
             state, last, moves = resampled(state), np.inf, moves + 1
             form = DirichletForm.on(state.grid, state.gaps)
             energy = form.energy(state.points)
+        elif expected < NEAR and damping < NEAR and not unknowns.moved:
+            ended = _ended(state, form, factor, energy, expected)
+            if ended is not None:
+                return ended, form
         damping = damping / 8 if damping > 1e-10 else 0.0
     raise _unsettled(state, f"after {STEPS} steps its energy still falls")
+
+
+def _ended(
+    state: BoundaryState, form: DirichletForm, factor: _Factor, energy: float, last: float
+) -> BoundaryState | None:
+    """Return the minimum next to a state by steps with one Hessian, or None if they do not shrink.
+
+    They cost little, and their error falls by the length of the last whole step each time.
+    """
+    for _ in range(STEPS):
+        unknowns = _unknowns(state)
+        gradient = _gradient(state, form, unknowns)
+        if len(gradient) != len(factor.size):
+            return None
+        step = factor.step(gradient)
+        expected = np.sqrt(abs(float(gradient @ step)) / energy)
+        if not expected <= SHRINKING * last:
+            return None
+        state, last = _moved(state, unknowns, step)[0], expected
+        if expected < SETTLED:
+            return state
+    return None
 
 
 def _unsettled(state: BoundaryState, why: str) -> SurfaceError:
@@ -175,6 +200,14 @@ def _unsettled(state: BoundaryState, why: str) -> SurfaceError:
         f"{state.sides.rim.name}: the soap film does not settle ({why}); its samples are widest "
         f"apart near {where} mm: give the rim more points there, or a simpler shape"
     )
+
+
+def _gradient(state: BoundaryState, form: DirichletForm, unknowns: _Unknowns) -> FloatArray:
+    """Return the gradient (M,) for corners that stay, without its part along the gauge."""
+    pull = form.matrix @ state.points
+    gradient = (pull[unknowns.node] * unknowns.direction).sum(1)
+    gauge = _gauge(state, unknowns)
+    return gradient - gauge @ (gauge.T @ gradient)
 
 
 def _derivatives(
@@ -213,14 +246,26 @@ def _held(matrix: FloatArray, gauge: FloatArray) -> FloatArray:
     return matrix - cross - cross.T
 
 
-def _solve(matrix: FloatArray, gradient: FloatArray) -> FloatArray | None:
-    """Return the step, or None where the matrix is not positive."""
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """A positive matrix, factored after scaling its diagonal to 1."""
+
+    size: FloatArray
+    factor: tuple[FloatArray, bool]
+
+    def step(self, gradient: FloatArray) -> FloatArray:
+        """Return the Newton step."""
+        return np.asarray(-self.size * cho_solve(self.factor, self.size * gradient))
+
+
+def _factor(matrix: FloatArray) -> _Factor | None:
+    """Return the factors of a matrix, or None where it is not positive."""
     size = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     try:
-        factor = cho_factor(matrix * size[:, None] * size, lower=True, overwrite_a=True)
+        found = cho_factor(matrix * size[:, None] * size, lower=True, overwrite_a=True)
     except LinAlgError:
         return None
-    return -size * cho_solve(factor, size * gradient)
+    return _Factor(size, found)
 
 
 def _moved(

@@ -16,7 +16,7 @@ from phexfab.fabrication.checks import KINDS, Limits, check_geometry, check_part
 from phexfab.fabrication.marks import beam_marks, node_marks, panel_marks
 from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
-from phexfab.fabrication.part_checks import neighbour_pairs, sharpest_corners, sheet_overhangs
+from phexfab.fabrication.part_checks import contour_corners, neighbour_pairs, sheet_overhangs
 from phexfab.fabrication.parts import Parts, Solid, Stock
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.offset import admissible_interval, node_axes
@@ -81,10 +81,11 @@ def edges_at(shell, vertex):
 def test_an_exact_shell_and_its_parts_pass_every_check(kind, closed):
     shell = sample(kind, closed)
     distance = np.zeros(len(shell.mesh.vertices))
-    results = geometry(shell, surface_distance=distance, offset_distance=-60.0)
+    results = geometry(shell, surface_distance=distance, offset_distance=-60.0, rim_distance=3.0)
     results |= by_name(check_parts(all_parts(shell), shell, stocks=STOCKS))
     assert failed(results) == set()
-    assert set(results) == {field.name for field in fields(Limits)} == set(KINDS)
+    assert {field.name for field in fields(Limits)} == set(KINDS)
+    assert set(KINDS) - set(results) == {"rim_corner", "rim_beam_angle", "rim_mitre"}
     for name, result in results.items():
         assert (result.unit, result.sense) == (KINDS[name].unit, KINDS[name].sense)
         assert result.limit == getattr(Limits(), name)
@@ -368,7 +369,9 @@ def test_reflex_corners_are_not_sharp():
     chevron = np.array([[0, 0], [40, -30], [10, 0], [40, 30]], float)
     sharp = 2 * np.degrees(np.arctan(0.75))
     inner = np.degrees(np.arctan2(30, 30) - np.arctan2(30, 40))
-    assert sharpest_corners([chevron]) == pytest.approx([min(sharp, inner)])
+    angles, starts = contour_corners([chevron, chevron])
+    assert starts.tolist() == [0, 4]
+    assert angles.min() == pytest.approx(min(sharp, inner)) and angles[2] > 180
 
 
 def test_a_panel_pushed_towards_its_neighbour_loses_clearance_and_then_clashes():

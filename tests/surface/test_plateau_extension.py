@@ -61,7 +61,7 @@ def test_beyond_a_rim_the_second_film_is_near_the_first_ones_continuation():
     ("rim", "margin", "apart"),
     [
         (lobed(3, 0.3), 150.0, 0.15),
-        (Rim.through(CANOPY, corners=range(4)), 900.0, 1.0),
+        (Rim.through(CANOPY, corners=range(4)), 900.0, 3.5),
     ],
     ids=["three lobes", "canopy"],
 )

@@ -1,0 +1,371 @@
+"""Films: what a design asks for, as a smooth surface beyond its rims, with lattice and borders."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from phexfab.design import Design
+from phexfab.errors import DesignError, SurfaceError
+from phexfab.mesh.trimesh_io import read_triangles
+from phexfab.parallel.border import Border
+from phexfab.remesh.grow import grow_lattice
+from phexfab.remesh.lattice import Lattice
+from phexfab.remesh.trace_lattice import mesh_lattice
+from phexfab.surface import MinimalSurface, associate, from_expressions
+from phexfab.surface.atlas import atlas
+from phexfab.surface.catalog import surface as named_surface
+from phexfab.surface.domain import Disc
+from phexfab.surface.extension import FILM, extended
+from phexfab.surface.film_margin import inward, mesh_film_with_margin
+from phexfab.surface.mesh_film import MeshFilm, film_of_mesh, mesh_film, rimmed
+from phexfab.surface.periodic_mesh import periodic_film
+from phexfab.surface.plateau import DiscFilm, plateau
+from phexfab.surface.rim import Rim
+from phexfab.surface.rim_checks import unit_factor
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Figures = Mapping[str, tuple[float | int | str, str]]
+
+MARGIN = 1.7
+"""Panels by which a film reaches beyond its rims: border panels need whole neighbours."""
+SIZES = (0.7, 2.5)
+"""Margins follow the size of panels at the rim, within these shares of the median panel."""
+EDGE = 0.999
+"""Share of a film's disc that is used: at its very edge a film with corners is inaccurate."""
+SAMPLES = 24
+"""Points of a border per panel along it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A smooth film that reaches beyond its rims.
+
+    Attributes
+    ----------
+    surface : MinimalSurface
+    lattice : Lattice
+        On all of the film.
+    borders : tuple of Border
+        The rims, where the shell is cut.
+    rim_distance : float
+        Largest distance of the given rims from the film, mm.
+    figures : mapping of name to (value, unit)
+    upright : bool
+        True where outside means up.
+    """
+
+    surface: MinimalSurface
+    lattice: Lattice
+    borders: tuple[Border, ...]
+    rim_distance: float
+    figures: Figures
+    upright: bool = False
+
+
+def film_within(design: Design, rims: Sequence[Rim] = ()) -> DiscFilm | MeshFilm | None:
+    """Return the film within the rims of a design, or None where it is known without a search.
+
+    Parameters
+    ----------
+    design : Design
+    rims : sequence of Rim
+        Used in place of what ``surface.rim`` names.
+
+    Raises
+    ------
+    DesignError, SurfaceError
+        If a rim cannot be read, or there is no film.
+    """
+    source = "rim" if rims else design.surface.source
+    if source == "rim":
+        given = tuple(rims) or rims_asked(design)
+        if len(given) == 1:
+            return plateau(given[0], tolerance=FILM, free=design.surface.free)
+        return mesh_film(given, design.lattice.panel_size, name=design.name)
+    return _given_film(design) if source == "mesh" else None
+
+
+def film_of(design: Design, within: DiscFilm | MeshFilm | None, reach: float = 1.0) -> Film:
+    """Return the film that a design asks for, with a margin beyond its rims and a lattice.
+
+    Parameters
+    ----------
+    design : Design
+    within : DiscFilm, MeshFilm or None
+        From ``film_within``.
+    reach : float
+        Factor on the margin by which the film reaches beyond its rims.
+
+    Raises
+    ------
+    DesignError, SurfaceError, LatticeError
+    """
+    margin = MARGIN * reach * design.lattice.panel_size
+    if isinstance(within, DiscFilm):
+        return _disc_film(design, within, margin)
+    if within is not None:
+        return _mesh_film(design, within, margin)
+    if design.surface.source == "periodic":
+        return _periodic_film(design, margin)
+    return _round_piece(design, margin)
+
+
+def smooth_surface(design: Design) -> MinimalSurface:
+    """Return the smooth surface that a design asks for, scaled to mm.
+
+    Raises
+    ------
+    DesignError
+        If the catalog has no such surface or option, or a formula cannot be read.
+    """
+    asked = design.surface
+    options: dict[str, Any] = {
+        "order": asked.order,
+        "ends": asked.ends,
+        "bonnet_angle": asked.bonnet_angle,
+    }
+    given = {key: value for key, value in options.items() if value is not None}
+    try:
+        if asked.g is not None and asked.height_differential is not None:
+            base = complex(*asked.base)
+            made = from_expressions(g=asked.g, dh=asked.height_differential, base=base)
+            made = associate(made, given.get("bonnet_angle", 0.0))
+        else:
+            made = named_surface(str(asked.name), **given)
+    except SurfaceError as error:
+        key = "surface.name" if asked.name is not None else "surface.g"
+        raise DesignError(f"{key}: {error}") from error
+    return made.scaled(asked.scale)
+
+
+def rims_given(thing: Any) -> tuple[Rim, ...]:
+    """Return the rims in what a script hands over; see ``phexfab.cad.rims.rims_of``."""
+    from phexfab.cad.rims import rims_of
+
+    return rims_of(thing)
+
+
+def rims_asked(design: Design) -> tuple[Rim, ...]:
+    """Return the rims that ``surface.rim`` names; paths start at the design file.
+
+    Raises
+    ------
+    DesignError
+        If a file cannot be read, or what it holds is no rim.
+    """
+    from phexfab.cad.rims import read_rims, rims_of
+
+    asked = design.surface
+    options: dict[str, Any] = {"unit": asked.unit, "smooth": asked.smooth_corners}
+    if asked.corner_angle is not None:
+        options["corner_angle"] = asked.corner_angle
+    found: list[Rim] = []
+    for item in asked.rim or ():
+        if isinstance(item, str):
+            found += read_rims(beside(design, item), layer=asked.layer, **options)
+        else:
+            found += rims_of(np.array(item), name="surface.rim", **options)
+    return tuple(found)
+
+
+def beside(design: Design, path: str) -> Path:
+    """Return a path that stands in a design file, seen from that file's folder."""
+    return Path(os.path.dirname(design.source)) / path
+
+
+def _round_piece(design: Design, margin: float) -> Film:
+    """The piece |z − centre| ≤ radius of a named surface."""
+    smooth, asked = smooth_surface(design), design.surface
+    centre, radius = complex(*asked.centre), float(asked.radius or 0.0)
+    if not radius > 0:
+        raise DesignError("surface.radius = 0: give a radius above 0")
+    turn = np.exp(2j * np.pi * np.arange(720) / 720)
+    outer = radius
+    while outer < 4 * radius:  # walk outwards until the margin is covered everywhere
+        width = np.full(len(turn), margin)
+        for a in np.linspace(radius, outer, 17)[:-1] + (outer - radius) / 32:
+            width = width - smooth.conformal_factor(centre + a * turn) * (outer - radius) / 16
+        if np.max(width) <= 0:
+            break
+        outer *= 1.02
+    rim = centre + radius * turn
+    border = Border(smooth.point(rim), smooth.normal(rim), np.zeros(0, np.int64))
+    return Film(smooth, _grown(design, smooth, Disc(centre, outer)), (border,), 0.0, {})
+
+
+def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
+    rim = film.rim
+    if len(rim.corners):  # where a film is flat, and panels are large
+        margin *= 1.4
+    wider = extended(film, margin, _disc_sizes(film))
+    domain = Disc(0.0, EDGE * wider.radius)
+    z = domain.grid()
+    places = wider.surface.point(z)
+    border, foot = border_on(wider.surface, rim, places, z, design.lattice.panel_size)
+    if np.angle(np.roll(foot, -1) / foot).sum() < 0:  # z turns as the normals do
+        border, _ = border_on(wider.surface, rim.reversed(), places, z, design.lattice.panel_size)
+    lattice = _grown(design, wider.surface, domain)
+    figures: Figures = {
+        "film area": (wider.film.area / 1e6, "m²"),
+        "film conformality": (wider.film.conformality, ""),
+    }
+    return Film(wider.surface, lattice, (border,), wider.rim_distance, figures, upright=True)
+
+
+def _mesh_film(design: Design, film: MeshFilm, margin: float) -> Film:
+    wider = mesh_film_with_margin(film, [margin * share for share in _rim_sizes(film)])
+    z = wider.atlas.parameter_of_vertex(np.arange(len(wider.points)))
+    borders = []
+    for k, rim in enumerate(film.border):
+        along = rim if inward(film, k) > 0 else rim.reversed()
+        size = design.lattice.panel_size
+        borders.append(border_on(wider.surface, along, wider.points, z, size)[0])
+    bends = _bends(wider.surface, z)
+    lattice = _traced(design, wider.surface, wider.points, wider.triangles, z, bends)
+    figures: Figures = {"film area": (film.area / 1e6, "m²")}
+    return Film(wider.surface, lattice, tuple(borders), wider.off_rim, figures, upright=True)
+
+
+def _given_film(design: Design) -> MeshFilm:
+    """The film that a triangle mesh stands for: its border is the rim."""
+    asked = design.surface
+    path = beside(design, str(asked.mesh))
+    given = read_triangles(path)
+    if asked.unit is not None:
+        given = replace(given, vertices=given.vertices * unit_factor(asked.unit, path.name))
+    film = film_of_mesh(given, name=path.name)
+    angle = {} if asked.corner_angle is None else {"corner_angle": asked.corner_angle}
+    return rimmed(film, **angle)
+
+
+def _disc_sizes(film: DiscFilm) -> FloatArray:
+    """Return how large panels are along the boundary (N,), over the median panel."""
+    disc = Disc(0.0, EDGE)
+    grid, circle = disc.grid(), EDGE * np.exp(1j * film.angles)
+    kappa = np.abs(film.surface.principal_curvatures(grid)[:, 0])
+    panels = film.surface.conformal_factor(grid) ** 2 * kappa
+    order = np.argsort(kappa)
+    middle = kappa[order[np.searchsorted(np.cumsum(panels[order]), panels.sum() / 2)]]
+    with np.errstate(all="ignore"):
+        sizes = np.sqrt(middle / np.abs(film.surface.principal_curvatures(circle)[:, 0]))
+    return np.clip(np.nan_to_num(sizes, nan=1.0), *SIZES)
+
+
+def _rim_sizes(film: MeshFilm) -> list[float]:
+    """Return how large panels are at each rim, over the median panel; they measure step/√κ."""
+    atlas = film.atlas
+    kappa = np.abs(
+        film.surface.principal_curvatures(atlas.parameter_of_vertex(np.arange(len(film.points))))[
+            :, 0
+        ]
+    )
+    corners = film.points[film.triangles]
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    panels = np.bincount(film.triangles.ravel(), np.repeat(areas, 3), len(kappa)) * kappa
+    order = np.argsort(kappa)
+    middle = order[np.searchsorted(np.cumsum(panels[order]), panels.sum() / 2)]
+    with np.errstate(divide="ignore"):
+        sizes = np.sqrt(kappa[middle] / kappa)
+    return [
+        float(np.clip(np.quantile(sizes[film.rim_of == k], 0.9), *SIZES))
+        for k in range(len(film.rims))
+    ]
+
+
+def _periodic_film(design: Design, margin: float) -> Film:
+    asked, size = design.surface, design.lattice.panel_size
+    film = periodic_film(
+        str(asked.periodic),
+        cell=asked.scale,
+        cells=asked.cells,
+        edge_length=size / 3,
+        margin=margin,
+    )
+    found = atlas(film.points, film.triangles, normals=film.normals, name=film.name)
+    z = found.parameter_of_vertex(np.arange(len(film.points)))
+    bends = (film.normals, film.directions, film.curvatures)
+    lattice = _traced(design, found.surface, film.points, film.triangles, z, bends)
+    borders = tuple(Border(one.points, one.normals, one.corners) for one in film.cut.borders)
+    return Film(found.surface, lattice, borders, 0.0, {"film area": (film.cut.area / 1e6, "m²")})
+
+
+def _bends(smooth: MinimalSurface, z: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return normals, directions of the curvature −κ, and κ at parameters (n,)."""
+    q = smooth.hopf(z)
+    with np.errstate(all="ignore"):
+        along = (smooth.tangent(z) / np.sqrt(q)[:, None]).real
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+    along[q == 0] = 0.0
+    return smooth.normal(z), along, np.abs(smooth.principal_curvatures(z)[:, 0])
+
+
+def _traced(
+    design: Design,
+    smooth: MinimalSurface,
+    points: FloatArray,
+    triangles: Any,
+    z: ComplexArray,
+    bends: tuple[FloatArray, FloatArray, FloatArray],
+) -> Lattice:
+    """Return the lattice on a triangle mesh whose vertices have the surface's parameters z."""
+    asked = design.lattice
+    found = mesh_lattice(
+        points,
+        triangles,
+        *bends,
+        panel_size=asked.panel_size,
+        row_ratio=asked.row_ratio,
+        rows_along=asked.rows_along,
+        kind=design.offset.type,
+        same_topology=False,  # the margin beyond the rims may have necks thinner than a panel
+    )
+    corner = triangles[found.face, found.barycentric.argmax(axis=1)]
+    spots = np.einsum("fk,fkj->fj", found.barycentric, points[triangles[found.face]])
+    near = smooth.closest_parameter(spots, z[corner])
+    return replace(found.lattice, points=near, parameters=near)
+
+
+def border_on(
+    smooth: MinimalSurface, rim: Rim, points: FloatArray, z: ComplexArray, panel_size: float
+) -> tuple[Border, ComplexArray]:
+    """Return a rim as a border of the film, and the parameters of its points' feet.
+
+    Parameters
+    ----------
+    smooth : MinimalSurface
+    rim : Rim
+        The film lies to its left, seen from the tips of the normals.
+    points, z : (n, 3) and (n,)
+        Places on the film, with their parameters, from which feet are sought.
+    panel_size : float, mm
+    """
+    count = int(np.clip(np.ceil(SAMPLES * rim.length / panel_size), 64, 20000))
+    t, along = rim.samples(count)
+    foot = smooth.closest_parameter(along, z[cKDTree(points).query(along)[1]])
+    corners = np.flatnonzero(np.isin(t, rim.corners))
+    return Border(along, smooth.normal(foot), corners), foot
+
+
+def _grown(design: Design, smooth: MinimalSurface, domain: Disc) -> Lattice:
+    asked = design.lattice
+    return grow_lattice(
+        smooth,
+        domain,
+        panel_size=asked.panel_size,
+        row_ratio=asked.row_ratio,
+        rows_along=asked.rows_along,
+        evenness=asked.evenness,
+        kind=design.offset.type,
+        trim=False,
+    )
