@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from phexfab.design import Design
-from phexfab.errors import DesignError, SurfaceError
+from phexfab.errors import DesignError, LatticeError, MeshError, SurfaceError
 from phexfab.mesh.trimesh_io import read_triangles
 from phexfab.parallel.border import Border
 from phexfab.remesh.grow import grow_lattice
@@ -41,6 +41,8 @@ SIZES = (0.7, 2.5)
 """Margins follow the size of panels at the rim, within these shares of the median panel."""
 EDGE = 0.999
 """Share of a film's disc that is used: at its very edge a film with corners is inaccurate."""
+FINE = 30
+"""Edges of a periodic film's mesh along its cell, at least: fewer do not show its umbilics."""
 SAMPLES = 24
 """Points of a border per panel along it."""
 
@@ -206,6 +208,13 @@ def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
     rim = film.rim
     if len(rim.corners):  # where a film is flat, and panels are large
         margin *= 1.4
+    if not margin <= film.surface.scale / 3:
+        size = design.lattice.panel_size
+        raise LatticeError(
+            f"lattice.panel_size = {size:.4g} mm: panels are too large for {rim.name}, a rim of "
+            f"{film.surface.scale:.0f} mm; choose {size * film.surface.scale / 3 / margin:.0f} mm "
+            "or less"
+        )
     wider = extended(film, margin, _disc_sizes(film))
     domain = Disc(0.0, EDGE * wider.radius)
     z = domain.grid()
@@ -230,7 +239,15 @@ def _mesh_film(design: Design, film: MeshFilm, margin: float) -> Film:
         size = design.lattice.panel_size
         borders.append(border_on(wider.surface, along, wider.points, z, size)[0])
     bends = _bends(wider.surface, z)
-    lattice = _traced(design, wider.surface, wider.points, wider.triangles, z, bends)
+    try:
+        lattice = _traced(design, wider.surface, wider.points, wider.triangles, z, bends)
+    except MeshError as error:
+        if film.given:
+            raise
+        raise LatticeError(
+            f"lattice.panel_size = {design.lattice.panel_size:.4g} mm: {error}; smaller panels "
+            "rest on a finer film"
+        ) from error
     figures: Figures = {"film area": (film.area / 1e6, "m²")}
     return Film(wider.surface, lattice, tuple(borders), wider.off_rim, figures, upright=True)
 
@@ -289,7 +306,7 @@ def _periodic_film(design: Design, margin: float) -> Film:
         str(asked.periodic),
         cell=asked.scale,
         cells=asked.cells,
-        edge_length=size / 3,
+        edge_length=min(size / 3, asked.scale / FINE),
         margin=margin,
     )
     found = atlas(film.points, film.triangles, normals=film.normals, name=film.name)

@@ -111,6 +111,12 @@ def local_hopf(
     fitted = np.linalg.lstsq((zeta[inside, None] / reach) ** powers, q[inside], rcond=None)[0]
     roots = np.roots(fitted) * reach
     roots = roots[np.argsort(np.abs(roots))][:order]
+    if order and (len(roots) < order or np.abs(roots).max() > spread + mesh_size):
+        # A fit of values that vary too much has its zeros elsewhere: take those that were found.
+        roots = np.zeros(order, complex)
+        table = (zeta[inside, None] / reach) ** powers[:2]
+        lead = np.linalg.lstsq(table, q[inside], rcond=None)[0]
+        fitted = np.concatenate([lead, np.zeros(order)])
     centre = complex(roots.mean()) if order else 0j
     if np.abs(roots - centre).max(initial=0.0) > mesh_size / 2:
         # Several zeros made one: its place is free, and best resolved around a vertex.

@@ -237,6 +237,8 @@ def rimmed(film: MeshFilm, *, corner_angle: float = 30.0) -> MeshFilm:
 def film_from(start: StartMesh, name: str, rims: tuple[Rim, ...]) -> MeshFilm:
     """Return the film of a start mesh whose border vertices are fixed.
 
+    Where soap would leave the shape that is given, the minimal surface next to it is taken.
+
     Raises
     ------
     SurfaceError
@@ -246,6 +248,10 @@ def film_from(start: StartMesh, name: str, rims: tuple[Rim, ...]) -> MeshFilm:
     try:
         return _finished(start, held, name, True, rims)
     except PinchError as error:
+        try:
+            return _finished(start, held, name, False, rims)
+        except SurfaceError:
+            pass
         raise SurfaceError(f"{error}; there is no film of this shape in the rims") from error
 
 

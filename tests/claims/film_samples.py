@@ -4,6 +4,7 @@ import numpy as np
 
 from phexfab.design.load import make_design
 from phexfab.fabrication.geometry_checks import bad_faces, node_axis_torsion
+from phexfab.forming import form
 from phexfab.mesh.measures import mean_edge, planarity
 from phexfab.parallel.curvature import minimality
 from phexfab.surface.rim import Rim
@@ -73,3 +74,41 @@ def assert_exact(shell, limit=1e-10):
         off = np.linalg.norm(np.cross(m, s), axis=1) / np.linalg.norm(m, axis=1)
         assert off.max() <= 1e-10
         assert node_axis_torsion(one).max() <= 1e-6
+
+
+def lobed(lobes, height=0.18, size=6000.0):
+    """A circle that goes up and down so many times; its film has ``lobes`` − 2 umbilics."""
+    return waves(up=[(lobes, height, 0.0)], size=size, name=f"{lobes} lobes")
+
+
+def ring(radius, centre=(0.0, 0.0, 0.0), tilt=0.0):
+    """A circle, tilted about y."""
+    flat = waves(size=radius)
+    c, s = np.cos(tilt), np.sin(tilt)
+    turn = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    return Rim.of(
+        lambda t: flat.point(t) @ turn + np.asarray(centre, float),
+        lambda t: flat.derivative(t) @ turn,
+        name="ring",
+    )
+
+
+def made(rims=(), **asked):
+    """The form of a design, with all that its shell promises asserted."""
+    found = form(design(**asked), lambda stage, done, total: None, rims)
+    assert_exact(found.shell)
+    return found
+
+
+def umbilic_order(shell):
+    """The total order of the umbilics with a panel: 3(m + 2) sides for order m."""
+    sides = shell.whole.mesh.sides
+    assert (sides % 3 == 0).all()
+    return int((sides // 3 - 2).sum())
+
+
+def random_rim(modes, size, across):
+    """A rim of waves (n, up, up, out, out) with factors in [−1, 1]; curvature falls with n."""
+    up = [(n, 0.5 * a / n**2, 0.5 * b / n**2) for n, a, b, _, _ in modes if n > 1]
+    out = [(n, 0.25 * c / n**2, 0.25 * d / n**2) for n, _, _, c, d in modes]
+    return waves(up or [(2, 0.15, 0.0)], out, size / 2, (1.0, across))
