@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay
 
-from phexfab.surface.plateau import plateau
-from phexfab.surface.rim import Rim
+from phexfab.surface.disc_films.plateau import plateau
+from phexfab.surface.rims.rim import Rim
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

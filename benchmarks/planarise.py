@@ -31,7 +31,7 @@ from phexfab.mesh.measures import edge_lengths, mean_edge, relative_planarity, s
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.minimal.shell import tangent_shell
 from phexfab.remesh.lattice import lattice
-from phexfab.remesh.planarise import planarise
+from phexfab.remesh.planarity.planarise import planarise
 from phexfab.surface import surface
 from phexfab.triangular import EQUILATERAL
 

@@ -28,7 +28,7 @@ from phexfab.fabrication.nodes import nodes
 from phexfab.fabrication.panels import panels
 from phexfab.films import rims_asked
 from phexfab.pipeline import specs
-from phexfab.surface.rim import Rim
+from phexfab.surface.rims.rim import Rim
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 STAGES = {

@@ -12,8 +12,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from phexfab.minimal.gauss_image import gauss_image
 from phexfab.minimal.shell import minimal_shell
 from phexfab.minimal.sphere import farthest_direction, rotation_to_north
-from phexfab.remesh.grow import grow_lattice
 from phexfab.remesh.lattice import Lattice
+from phexfab.remesh.seamless.grow import grow_lattice
 from phexfab.surface.classical import enneper
 from phexfab.surface.domain import Disc
 from phexfab.surface.weierstrass import MinimalSurface

@@ -8,19 +8,19 @@ from figures_constructions import panels
 from make_figures import ACCENT, FOLDER, INK, SOFT, save
 
 from phexfab.mesh.measures import simple_faces
-from phexfab.remesh.by_parallel_meshes import parallel_mesh_on
-from phexfab.remesh.conformal_hexagons import complete_hexagon, dual_hexagon
-from phexfab.remesh.conformal_hexagons_dual import christoffel_dual
-from phexfab.remesh.planar_conformal import (
+from phexfab.remesh.conformal.dual import christoffel_dual
+from phexfab.remesh.conformal.hexagons import complete_hexagon, dual_hexagon
+from phexfab.remesh.conformal.planar import (
     conformal_hexagon,
     on_sphere,
     planar_conformal_mesh,
     ring_tilt,
 )
-from phexfab.remesh.power_diagram import power_diagram_on
-from phexfab.remesh.projective_dual import projective_dual_mesh
-from phexfab.remesh.support_function import support_function_mesh
-from phexfab.surface.freeform import parametric
+from phexfab.remesh.survey.by_parallel_meshes import parallel_mesh_on
+from phexfab.remesh.survey.power_diagram import power_diagram_on
+from phexfab.remesh.survey.projective_dual import projective_dual_mesh
+from phexfab.remesh.survey.support_function import support_function_mesh
+from phexfab.surface.freeform.surface import parametric
 
 PAPER = "#f0e6d2"
 

@@ -10,10 +10,10 @@ from matplotlib.collections import PolyCollection
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.remesh.conjugate_hexagons import conjugate_hexagons
-from phexfab.remesh.conjugate_net_fields import level_family, principal_family
-from phexfab.remesh.planar_quads import principal_quads
-from phexfab.surface.freeform import ParametricSurface, parametric
+from phexfab.remesh.conjugate.fields import level_family, principal_family
+from phexfab.remesh.conjugate.hexagons import conjugate_hexagons
+from phexfab.remesh.quads.planar_quads import principal_quads
+from phexfab.surface.freeform.surface import ParametricSurface, parametric
 
 
 def solid(

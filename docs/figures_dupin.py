@@ -7,11 +7,11 @@ import numpy as np
 from make_figures import ACCENT, INK, SOFT, save
 from matplotlib.collections import PolyCollection
 
-from phexfab.remesh.dupin import dupin_conic, dupin_indicatrix, star_hexagon
-from phexfab.remesh.dupin_ideal import ideal_triangle
-from phexfab.remesh.dupin_planar import dupin_hexagons
-from phexfab.remesh.valid_triangles import prespecified_conjugation
-from phexfab.surface.freeform import ParametricSurface, nurbs
+from phexfab.remesh.dupin.duality import dupin_conic, dupin_indicatrix, star_hexagon
+from phexfab.remesh.dupin.ideal import ideal_triangle
+from phexfab.remesh.dupin.planar import dupin_hexagons
+from phexfab.remesh.triangulations.valid import prespecified_conjugation
+from phexfab.surface.freeform.surface import ParametricSurface, nurbs
 
 
 def star(axes: plt.Axes, kappa: tuple[float, float], title: str) -> None:

@@ -8,13 +8,13 @@ from make_figures import ACCENT, INK, save
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.optimize import brentq
 
-from phexfab.surface.atlas import atlas
-from phexfab.surface.film_descent import descend
-from phexfab.surface.film_margin import mesh_film_with_margin
-from phexfab.surface.film_start import start_mesh
-from phexfab.surface.mesh_film import MeshFilm, mesh_film
-from phexfab.surface.mirror import Mirror, held_border
-from phexfab.surface.rim import Rim
+from phexfab.surface.mesh_films.atlas import atlas
+from phexfab.surface.mesh_films.descent import descend
+from phexfab.surface.mesh_films.margin import mesh_film_with_margin
+from phexfab.surface.mesh_films.mesh_film import MeshFilm, mesh_film
+from phexfab.surface.mesh_films.mirror import Mirror, held_border
+from phexfab.surface.mesh_films.start import start_mesh
+from phexfab.surface.rims.rim import Rim
 
 R = 1000.0
 

@@ -9,8 +9,8 @@ from make_figures import FOLDER, INK, save
 from phexfab.report.camera import View
 from phexfab.report.scene import Layer
 from phexfab.report.shade import picture
-from phexfab.surface.periodic import PERIODIC
-from phexfab.surface.periodic_mesh import PeriodicFilm, periodic_film
+from phexfab.surface.periodic.closed_forms import PERIODIC
+from phexfab.surface.periodic.mesh import PeriodicFilm, periodic_film
 
 VIEW = View(azimuth=-58.0, elevation=24.0, opening=22.0)
 

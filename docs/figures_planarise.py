@@ -15,7 +15,7 @@ from phexfab.mesh.measures import mean_edge, relative_planarity
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.minimal.shell import tangent_shell
 from phexfab.remesh.lattice import lattice
-from phexfab.remesh.planarise import planarise
+from phexfab.remesh.planarity.planarise import planarise
 from phexfab.surface import surface
 
 

@@ -6,9 +6,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from make_figures import ACCENT, FOLDER, INK, SOFT, save
 
-from phexfab.surface.extension import ExtendedFilm, film_with_margin
-from phexfab.surface.plateau import plateau
-from phexfab.surface.rim import Rim
+from phexfab.surface.disc_films.extension import ExtendedFilm, film_with_margin
+from phexfab.surface.disc_films.plateau import plateau
+from phexfab.surface.rims.rim import Rim
 
 
 def canopy() -> Rim:

@@ -6,8 +6,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from make_figures import ACCENT, FOLDER, INK, SOFT, save
 
-from phexfab.surface.rim import Rim
-from phexfab.surface.rim_corners import corner_points
+from phexfab.surface.rims.corners import corner_points
+from phexfab.surface.rims.rim import Rim
 
 TURN = 2.0 * np.pi
 CANOPY = np.array([[0.0, 0, 0], [12000, 0, 3000], [12000, 9000, 0], [0, 9000, 4000]])

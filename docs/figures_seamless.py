@@ -10,13 +10,13 @@ from scipy.spatial import Delaunay
 
 from phexfab.minimal.laplacian import solve_minimal
 from phexfab.parallel.shell import Shell
-from phexfab.remesh.trace_lattice import MeshLattice, mesh_lattice
+from phexfab.remesh.mesh_lattices.trace import MeshLattice, mesh_lattice
 from phexfab.report.camera import View
 from phexfab.report.scene import mesh_layer
 from phexfab.report.shade import picture
-from phexfab.surface.atlas import atlas
 from phexfab.surface.construct import from_weierstrass
-from phexfab.surface.periodic_mesh import periodic_film
+from phexfab.surface.mesh_films.atlas import atlas
+from phexfab.surface.periodic.mesh import periodic_film
 
 COLOURS = {6: "#d3c5a8", 9: "#b3542e"}
 

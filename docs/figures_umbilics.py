@@ -8,9 +8,9 @@ from figures_constructions import ACCENT, PAPER, panels, save
 
 from phexfab.minimal.laplacian import solve_minimal
 from phexfab.parallel.shell import Shell
-from phexfab.remesh.grow import lattice_of
 from phexfab.remesh.lattice import Lattice
-from phexfab.remesh.seamless import seamless
+from phexfab.remesh.seamless.coordinate import seamless
+from phexfab.remesh.seamless.grow import lattice_of
 from phexfab.surface.catalog import surface
 from phexfab.surface.construct import from_weierstrass
 from phexfab.surface.domain import Disc

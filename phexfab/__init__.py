@@ -54,9 +54,9 @@ from phexfab.parallel.support import beam_heights, node_torsion, support_structu
 from phexfab.parallel.to_offset import nearest_offset_mesh
 from phexfab.parallel.vertex_offset import inscribed_parallel
 from phexfab.pipeline import Build, build, check
-from phexfab.remesh.grow import grow_lattice
 from phexfab.remesh.lattice import Lattice, lattice
-from phexfab.remesh.trace_lattice import mesh_lattice
+from phexfab.remesh.mesh_lattices.trace import mesh_lattice
+from phexfab.remesh.seamless.grow import grow_lattice
 from phexfab.surface import (
     MinimalSurface,
     associate,
@@ -65,13 +65,13 @@ from phexfab.surface import (
     from_weierstrass,
     minimal_surface,
 )
-from phexfab.surface.atlas import atlas_surface
+from phexfab.surface.disc_films.extension import film_with_margin
+from phexfab.surface.disc_films.plateau import plateau
 from phexfab.surface.domain import Disc
-from phexfab.surface.extension import film_with_margin
-from phexfab.surface.mesh_film import film_of_mesh, mesh_film
-from phexfab.surface.periodic_mesh import periodic_film
-from phexfab.surface.plateau import plateau
-from phexfab.surface.rim import Rim
+from phexfab.surface.mesh_films.atlas import atlas_surface
+from phexfab.surface.mesh_films.mesh_film import film_of_mesh, mesh_film
+from phexfab.surface.periodic.mesh import periodic_film
+from phexfab.surface.rims.rim import Rim
 from phexfab.surface.umbilics import umbilics
 
 __version__ = "0.1.0"

@@ -115,7 +115,7 @@ def show_build(directory: Path, figures: Mapping[str, tuple[float | int | str, s
 def show_surfaces() -> None:
     """Print the catalog: names, options with their defaults, and which way a surface closes."""
     from phexfab.surface.catalog import catalog
-    from phexfab.surface.periodic import PERIODIC
+    from phexfab.surface.periodic.closed_forms import PERIODIC
 
     console = _console()
     table = Table(box=None, pad_edge=False)

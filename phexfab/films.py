@@ -16,20 +16,20 @@ from phexfab.design import Design
 from phexfab.errors import DesignError, LatticeError, MeshError, SurfaceError
 from phexfab.mesh.trimesh_io import read_triangles
 from phexfab.parallel.border import Border
-from phexfab.remesh.grow import grow_lattice
 from phexfab.remesh.lattice import Lattice
-from phexfab.remesh.trace_lattice import mesh_lattice
+from phexfab.remesh.mesh_lattices.trace import mesh_lattice
+from phexfab.remesh.seamless.grow import grow_lattice
 from phexfab.surface import MinimalSurface, associate, from_expressions
-from phexfab.surface.atlas import atlas
 from phexfab.surface.catalog import surface as named_surface
+from phexfab.surface.disc_films.extension import FILM, extended
+from phexfab.surface.disc_films.plateau import DiscFilm, plateau
 from phexfab.surface.domain import Disc
-from phexfab.surface.extension import FILM, extended
-from phexfab.surface.film_margin import inward, mesh_film_with_margin
-from phexfab.surface.mesh_film import MeshFilm, film_of_mesh, mesh_film, rimmed
-from phexfab.surface.periodic_mesh import periodic_film
-from phexfab.surface.plateau import DiscFilm, plateau
-from phexfab.surface.rim import Rim
-from phexfab.surface.rim_checks import unit_factor
+from phexfab.surface.mesh_films.atlas import atlas
+from phexfab.surface.mesh_films.margin import inward, mesh_film_with_margin
+from phexfab.surface.mesh_films.mesh_film import MeshFilm, film_of_mesh, mesh_film, rimmed
+from phexfab.surface.periodic.mesh import periodic_film
+from phexfab.surface.rims.checks import unit_factor
+from phexfab.surface.rims.rim import Rim
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

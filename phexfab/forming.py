@@ -32,9 +32,9 @@ from phexfab.parallel.border import place
 from phexfab.parallel.cut import CutReport, cut_shell
 from phexfab.parallel.shell import Shell
 from phexfab.surface import MinimalSurface, check_rectangle
-from phexfab.surface.freeform import FreeformSurface
-from phexfab.surface.mesh_film import MeshFilm
-from phexfab.surface.rim import Rim
+from phexfab.surface.freeform.surface import FreeformSurface
+from phexfab.surface.mesh_films.mesh_film import MeshFilm
+from phexfab.surface.rims.rim import Rim
 
 FloatArray = NDArray[np.float64]
 Figures = Mapping[str, tuple[float | int | str, str]]

@@ -23,10 +23,9 @@ from phexfab.mesh.polygons import import_polygons
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.mesh.trimesh_io import read_triangles
 from phexfab.parallel.shell import Shell
-from phexfab.remesh.by_parallel_meshes import parallel_mesh_on
-from phexfab.remesh.conjugate_hexagons import ConjugateHexagons, conjugate_hexagons
-from phexfab.remesh.conjugate_net_fields import field_family
-from phexfab.remesh.dupin_planar import dupin_hexagons
+from phexfab.remesh.conjugate.fields import field_family
+from phexfab.remesh.conjugate.hexagons import ConjugateHexagons, conjugate_hexagons
+from phexfab.remesh.dupin.planar import dupin_hexagons
 from phexfab.remesh.fewer_panels import (
     centre_distances,
     firm_mesh,
@@ -34,18 +33,19 @@ from phexfab.remesh.fewer_panels import (
     without_panels,
 )
 from phexfab.remesh.panel_shell import panel_shell
-from phexfab.remesh.power_diagram import power_diagram_on
-from phexfab.remesh.projective_dual import projective_dual_mesh
-from phexfab.remesh.support_function import support_function_mesh
-from phexfab.remesh.valid_triangles import (
+from phexfab.remesh.survey.by_parallel_meshes import parallel_mesh_on
+from phexfab.remesh.survey.power_diagram import power_diagram_on
+from phexfab.remesh.survey.projective_dual import projective_dual_mesh
+from phexfab.remesh.survey.support_function import support_function_mesh
+from phexfab.remesh.triangulations.fields import smooth_rows
+from phexfab.remesh.triangulations.valid import (
     Triangulation,
     prespecified_conjugation,
     progressive_conjugation,
 )
-from phexfab.remesh.valid_triangles_fields import smooth_rows
-from phexfab.surface.freeform import FreeformSurface, mesh_surface
-from phexfab.surface.rim import Rim
-from phexfab.surface.rim_checks import unit_factor
+from phexfab.surface.freeform.surface import FreeformSurface, mesh_surface
+from phexfab.surface.rims.checks import unit_factor
+from phexfab.surface.rims.rim import Rim
 
 FloatArray = NDArray[np.float64]
 Figures = Mapping[str, tuple[float | int | str, str]]

@@ -25,7 +25,7 @@ from phexfab.minimal.shell import surface_distance
 from phexfab.parallel.offset import admissible_interval, offset
 from phexfab.parallel.shell import Shell
 from phexfab.surface import MinimalSurface
-from phexfab.surface.freeform import FreeformSurface
+from phexfab.surface.freeform.surface import FreeformSurface
 
 if TYPE_CHECKING:
     import build123d

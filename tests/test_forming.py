@@ -17,8 +17,8 @@ from phexfab.minimal.sphere import rotation_to_north
 from phexfab.parallel.curvature import minimality
 from phexfab.parallel.slivers import Patchwork
 from phexfab.pipeline import build
-from phexfab.surface.periodic_mesh import periodic_film
-from phexfab.surface.rim import Rim
+from phexfab.surface.periodic.mesh import periodic_film
+from phexfab.surface.rims.rim import Rim
 
 TURN = 2 * np.pi * np.arange(160) / 160
 

@@ -21,7 +21,7 @@ from phexfab.parallel.offset import node_axes, offset
 from phexfab.parallel.simple import is_simple
 from phexfab.remesh.fewer_panels import firm_faces, firm_shell, without_panels
 from phexfab.remesh.panel_shell import panel_shell
-from phexfab.remesh.planarise import planarise
+from phexfab.remesh.planarity.planarise import planarise
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -15,8 +15,8 @@ from shapely.geometry.base import BaseGeometry
 from phexfab.cad.doctor import require
 from phexfab.cad.rims_brep import read_shape
 from phexfab.errors import SurfaceError
-from phexfab.surface.freeform_nurbs import nurbs
-from phexfab.surface.freeform_parametric import ParametricSurface
+from phexfab.surface.freeform.nurbs import nurbs
+from phexfab.surface.freeform.parametric import ParametricSurface
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape

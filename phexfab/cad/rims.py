@@ -12,11 +12,11 @@ from phexfab.cad.doctor import require
 from phexfab.cad.rims_brep import read_shape, shape_strands
 from phexfab.cad.rims_dxf import dxf_strands
 from phexfab.errors import DesignError
-from phexfab.surface.rim import Rim
-from phexfab.surface.rim_checks import checked, unit_factor
-from phexfab.surface.rim_corners import CORNER_ANGLE, corner_points
-from phexfab.surface.rim_csv import read_rim_csv
-from phexfab.surface.rim_join import JOIN, join_strands, size_of
+from phexfab.surface.rims.checks import checked, unit_factor
+from phexfab.surface.rims.corners import CORNER_ANGLE, corner_points
+from phexfab.surface.rims.join import JOIN, join_strands, size_of
+from phexfab.surface.rims.rim import Rim
+from phexfab.surface.rims.table import read_rim_csv
 
 TABLES = (".csv", ".tsv", ".txt")
 SHAPES = (".step", ".stp", ".brep", ".brp")

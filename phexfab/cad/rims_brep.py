@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from phexfab.cad.doctor import require
 from phexfab.errors import DesignError
-from phexfab.surface.rim_curves import ellipse_arc, nurbs
-from phexfab.surface.rim_join import Strand
-from phexfab.surface.rim_pieces import Piece, line
+from phexfab.surface.rims.curves import ellipse_arc, nurbs
+from phexfab.surface.rims.join import Strand
+from phexfab.surface.rims.pieces import Piece, line
 
 if TYPE_CHECKING:
     from OCP.BRepAdaptor import BRepAdaptor_Curve

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from phexfab.errors import DesignError
-from phexfab.surface.rim_curves import ellipse_arc, nurbs
-from phexfab.surface.rim_join import Strand
-from phexfab.surface.rim_pieces import Piece, line
+from phexfab.surface.rims.curves import ellipse_arc, nurbs
+from phexfab.surface.rims.join import Strand
+from phexfab.surface.rims.pieces import Piece, line
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from phexfab.minimal.sphere import lift_circles
 from phexfab.parallel.rings import edge_faces
 from phexfab.parallel.shell import Shell
-from phexfab.remesh.conformal_hexagons_dual import dual_points
-from phexfab.remesh.planar_conformal import conformal_hexagon, orbit, ring_tilt, similarities
+from phexfab.remesh.conformal.dual import dual_points
+from phexfab.remesh.conformal.planar import conformal_hexagon, orbit, ring_tilt, similarities
 
 __all__ = ["christoffel_dual", "conformal_gauss_image", "conformal_hexagon", "ring_tilt"]
 

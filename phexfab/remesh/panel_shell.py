@@ -17,7 +17,7 @@ from phexfab.mesh.measures import face_centroids, face_normals, mean_edge, simpl
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.shell import Shell
 from phexfab.parallel.simple import Border, border_of, border_runs, shell_of_mesh
-from phexfab.remesh.planarise import Planarised, planarise
+from phexfab.remesh.planarity.planarise import Planarised, planarise
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

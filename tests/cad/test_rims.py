@@ -7,7 +7,7 @@ import pytest
 
 from phexfab.cad.rims import read_rims, rims_of
 from phexfab.errors import DesignError
-from phexfab.surface.rim import Rim
+from phexfab.surface.rims.rim import Rim
 
 T = np.linspace(0.0, 1.0, 401)
 SIZE = 4000.0

@@ -7,7 +7,7 @@ from phexfab.fabrication.geometry_checks import bad_faces, node_axis_torsion
 from phexfab.forming import form
 from phexfab.mesh.measures import mean_edge, planarity
 from phexfab.parallel.curvature import minimality
-from phexfab.surface.rim import Rim
+from phexfab.surface.rims.rim import Rim
 
 TURN = 2 * np.pi
 KINDS = ("face", "edge", "vertex")

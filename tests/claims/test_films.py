@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from phexfab.errors import PhexError
 from phexfab.mesh.measures import signed_areas
 from phexfab.surface.catalog import surface
-from phexfab.surface.plateau import plateau, umbilic_count
-from phexfab.surface.rim import Rim
+from phexfab.surface.disc_films.plateau import plateau, umbilic_count
+from phexfab.surface.rims.rim import Rim
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from phexfab.errors import PhexError
 from phexfab.forming import form
-from phexfab.surface.plateau import plateau, umbilic_count
+from phexfab.surface.disc_films.plateau import plateau, umbilic_count
 
 LOBES = {  # umbilics: (lobes, share of a saddle that parts the umbilics, panel size)
     0: (2, 0.0, 600.0),

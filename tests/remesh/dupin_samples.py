@@ -3,7 +3,7 @@
 import numpy as np
 
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.surface.freeform import nurbs, parametric
+from phexfab.surface.freeform.surface import nurbs, parametric
 
 
 def graph(height, width, depth, name):

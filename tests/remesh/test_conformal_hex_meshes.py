@@ -7,13 +7,13 @@ from phexfab.errors import MeshError
 from phexfab.mesh.measures import edges, face_normals, mean_edge, planarity, simple_faces
 from phexfab.minimal.christoffel import is_discrete_minimal
 from phexfab.parallel.pairs import parallelism
-from phexfab.remesh.conformal_hexagons import circular_defect, complete_hexagon, conformal_defect
-from phexfab.remesh.conformal_hexagons_dual import (
+from phexfab.remesh.conformal.dual import (
     christoffel_dual,
     conformality,
     face_cross_ratios,
 )
-from phexfab.remesh.planar_conformal import (
+from phexfab.remesh.conformal.hexagons import circular_defect, complete_hexagon, conformal_defect
+from phexfab.remesh.conformal.planar import (
     Similarity,
     case_of,
     conformal_hexagon,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phexfab.errors import MeshError
-from phexfab.remesh.conformal_hexagons import (
+from phexfab.remesh.conformal.hexagons import (
     circular_defect,
     circular_parallel,
     complete_hexagon,

@@ -8,10 +8,10 @@ from phexfab.errors import LatticeError
 from phexfab.mesh.half_edges import border_loops
 from phexfab.mesh.measures import relative_planarity, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.remesh.conjugate_hexagons import brick_layout, conjugate_hexagons, planar_hexagons
-from phexfab.remesh.conjugate_net import base_curves, even
-from phexfab.remesh.conjugate_net_fields import field_family, level_family, principal_family
-from phexfab.remesh.conjugate_net_sampling import crossing_number, sample
+from phexfab.remesh.conjugate.fields import field_family, level_family, principal_family
+from phexfab.remesh.conjugate.hexagons import brick_layout, conjugate_hexagons, planar_hexagons
+from phexfab.remesh.conjugate.net import base_curves, even
+from phexfab.remesh.conjugate.sampling import crossing_number, sample
 
 
 def across(p):

@@ -7,14 +7,14 @@ from dupin_samples import bumpy_roof, graph, hypar, sphere_cap, torus
 from phexfab.errors import LatticeError
 from phexfab.mesh.half_edges import border_loops
 from phexfab.mesh.measures import edges, planarity
-from phexfab.remesh.conjugate_net import base_curves, conjugate_net, even
-from phexfab.remesh.conjugate_net_fields import (
+from phexfab.remesh.conjugate.fields import (
     conjugate_direction,
     field_family,
     level_family,
     principal_family,
 )
-from phexfab.surface.freeform import Bending, implicit
+from phexfab.remesh.conjugate.net import base_curves, conjugate_net, even
+from phexfab.surface.freeform.surface import Bending, implicit
 
 AXES = np.array([6e3, 4e3, 3e3])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phexfab.errors import LatticeError
-from phexfab.remesh.dupin import (
+from phexfab.remesh.dupin.duality import (
     centre_is_inside,
     corners_on_both_branches,
     directions_in_both_ranges,
@@ -16,7 +16,7 @@ from phexfab.remesh.dupin import (
     star_is_valid,
     validity,
 )
-from phexfab.remesh.dupin_ideal import (
+from phexfab.remesh.dupin.ideal import (
     QUASI_REGULAR,
     REGULAR,
     affine_distance,

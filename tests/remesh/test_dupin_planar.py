@@ -21,16 +21,16 @@ from phexfab.mesh.measures import (
     shortest_edge,
     simple_faces,
 )
-from phexfab.remesh.dupin_ideal import QUASI_REGULAR, REGULAR, affine_distance
-from phexfab.remesh.dupin_mesh import (
+from phexfab.remesh.dupin.hexagons import (
     dupin_centres,
     parabolic_triangles,
     tangent_hexagons,
     tangent_points,
 )
-from phexfab.remesh.dupin_planar import dupin_hexagons
-from phexfab.remesh.valid_triangles import prespecified_conjugation, progressive_conjugation
-from phexfab.surface.freeform import mesh_surface, parametric
+from phexfab.remesh.dupin.ideal import QUASI_REGULAR, REGULAR, affine_distance
+from phexfab.remesh.dupin.planar import dupin_hexagons
+from phexfab.remesh.triangulations.valid import prespecified_conjugation, progressive_conjugation
+from phexfab.surface.freeform.surface import mesh_surface, parametric
 
 WAYS = [progressive_conjugation, prespecified_conjugation]
 CASES = [(sphere_cap, 500.0), (hypar, 400.0), (torus, 900.0), (ellipsoid, 700.0)]

@@ -8,9 +8,9 @@ from umbilic_samples import face_shell, ring, with_umbilics
 
 from phexfab.errors import LatticeError
 from phexfab.parallel.rings import border_loops, face_rings
-from phexfab.remesh.charts import build_atlas
-from phexfab.remesh.grow import grow_lattice, lattice_of
-from phexfab.remesh.seamless import seamless
+from phexfab.remesh.seamless.charts import build_atlas
+from phexfab.remesh.seamless.coordinate import seamless
+from phexfab.remesh.seamless.grow import grow_lattice, lattice_of
 from phexfab.surface import surface
 from phexfab.surface.domain import Disc
 from phexfab.testing import assert_minimal, assert_parallel, assert_planar, assert_simple

@@ -7,11 +7,11 @@ import pytest
 from mesh_samples import catenoid, disc, enneper, many_umbilics, sampled, schwarz_p
 
 from phexfab.errors import LatticeError, MeshError
-from phexfab.remesh.integers import nearest_points, null_space, reduced_basis
-from phexfab.remesh.line_field import line_field
-from phexfab.remesh.mesh_seamless import folds, jacobians, seamless
-from phexfab.remesh.seam_poisson import lattice_basis
-from phexfab.remesh.umbilics import lattice_step, with_umbilics
+from phexfab.remesh.mesh_lattices.line_field import line_field
+from phexfab.remesh.mesh_lattices.poisson import lattice_basis
+from phexfab.remesh.mesh_lattices.seamless import folds, jacobians, seamless
+from phexfab.remesh.mesh_lattices.umbilics import lattice_step, with_umbilics
+from phexfab.remesh.seamless.integers import nearest_points, null_space, reduced_basis
 
 THREE = (0.5, -0.35 + 0.3j, -0.2 - 0.5j)
 

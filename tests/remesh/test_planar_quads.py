@@ -7,10 +7,10 @@ from dupin_samples import bumpy_roof, graph, hypar, monkey_saddle, sphere_cap, t
 from phexfab.errors import MeshError, SolveError
 from phexfab.mesh.measures import corner_angles, edges, relative_planarity, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.remesh.conjugate_net_fields import level_family, principal_family
-from phexfab.remesh.planar_quads import exact_quads, principal_quads, refined_quads
-from phexfab.remesh.planar_quads_rows import QuadRows, stars_of
-from phexfab.remesh.planar_quads_subdivide import subdivided
+from phexfab.remesh.conjugate.fields import level_family, principal_family
+from phexfab.remesh.quads.planar_quads import exact_quads, principal_quads, refined_quads
+from phexfab.remesh.quads.rows import QuadRows, stars_of
+from phexfab.remesh.quads.subdivide import subdivided
 
 
 def grid(n, m, height):

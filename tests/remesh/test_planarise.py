@@ -11,9 +11,9 @@ from phexfab.mesh.measures import edge_lengths, face_normals, mean_edge, planari
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.minimal.shell import tangent_shell
 from phexfab.remesh.lattice import lattice
-from phexfab.remesh.planar_hold import BorderCurve
-from phexfab.remesh.planar_nearest import MeshReference
-from phexfab.remesh.planarise import planarise
+from phexfab.remesh.planarity.hold import BorderCurve
+from phexfab.remesh.planarity.nearest import MeshReference
+from phexfab.remesh.planarity.planarise import planarise
 from phexfab.surface import surface
 from phexfab.triangular import EQUILATERAL
 

@@ -7,9 +7,9 @@ import pytest
 from umbilic_samples import lattice_coordinates, ring, root_integral, with_umbilics
 
 from phexfab.errors import LatticeError
-from phexfab.remesh.correction import basis, even_out, least_distance
 from phexfab.remesh.plane import PlaneLattice
-from phexfab.remesh.seamless import seamless
+from phexfab.remesh.seamless.coordinate import seamless
+from phexfab.remesh.seamless.correction import basis, even_out, least_distance
 from phexfab.surface import surface
 from phexfab.surface.domain import Disc
 from phexfab.triangular import EQUILATERAL

@@ -8,12 +8,12 @@ from phexfab.mesh.measures import edges, planarity, relative_planarity, simple_f
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.edge_offset import Ellipsoid, Paraboloid, touch_surface
 from phexfab.parallel.pairs import parallelism, ratios
-from phexfab.remesh.by_parallel_meshes import parallel_mesh_on
-from phexfab.remesh.planar_conformal_chart import conformal_chart
-from phexfab.remesh.projective_dual import best_centre, dual_points, projective_dual_mesh
-from phexfab.remesh.support_function import SupportFunction, support_function_mesh
-from phexfab.remesh.survey_patch import sample_patch
-from phexfab.surface.freeform import implicit, mesh_surface, nurbs, parametric
+from phexfab.remesh.conformal.chart import conformal_chart
+from phexfab.remesh.survey.by_parallel_meshes import parallel_mesh_on
+from phexfab.remesh.survey.patch import sample_patch
+from phexfab.remesh.survey.projective_dual import best_centre, dual_points, projective_dual_mesh
+from phexfab.remesh.survey.support_function import SupportFunction, support_function_mesh
+from phexfab.surface.freeform.surface import implicit, mesh_surface, nurbs, parametric
 
 
 def cap(radius=1000.0, half=0.6):

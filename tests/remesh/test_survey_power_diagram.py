@@ -5,7 +5,7 @@ import pytest
 
 from phexfab.errors import LatticeError, MeshError, SurfaceError
 from phexfab.mesh.measures import corner_angles, face_normals, relative_planarity, simple_faces
-from phexfab.remesh.power_diagram import (
+from phexfab.remesh.survey.power_diagram import (
     EllipsoidFrame,
     ellipsoid_of,
     hexagon_sites,
@@ -15,7 +15,7 @@ from phexfab.remesh.power_diagram import (
     power_planes,
     stereographic,
 )
-from phexfab.surface.freeform import parametric
+from phexfab.surface.freeform.surface import parametric
 
 AXES = np.array([1500.0, 1000.0, 700.0])
 

@@ -22,9 +22,9 @@ from phexfab.minimal.laplacian import solve_minimal
 from phexfab.parallel.curvature import minimality
 from phexfab.parallel.rings import border_loops, face_rings
 from phexfab.parallel.shell import Shell
-from phexfab.remesh.mesh_points import lattice_points
-from phexfab.remesh.mesh_seamless import seamless
-from phexfab.remesh.trace_lattice import mesh_lattice, traced
+from phexfab.remesh.mesh_lattices.points import lattice_points
+from phexfab.remesh.mesh_lattices.seamless import seamless
+from phexfab.remesh.mesh_lattices.trace import mesh_lattice, traced
 
 FIVE = 0.55 * np.exp(2j * np.pi * (np.arange(5) / 5 + 0.05))
 

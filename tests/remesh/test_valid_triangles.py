@@ -5,10 +5,10 @@ import pytest
 from dupin_samples import bumpy_roof, hypar, monkey_saddle, sphere_cap, torus
 
 from phexfab.errors import LatticeError
-from phexfab.remesh.dupin import centre_is_inside, corners_on_both_branches
-from phexfab.remesh.valid_triangles import prespecified_conjugation, progressive_conjugation
-from phexfab.remesh.valid_triangles_fields import conjugate, flat_directions, smooth_rows
-from phexfab.surface.freeform import mesh_surface
+from phexfab.remesh.dupin.duality import centre_is_inside, corners_on_both_branches
+from phexfab.remesh.triangulations.fields import conjugate, flat_directions, smooth_rows
+from phexfab.remesh.triangulations.valid import prespecified_conjugation, progressive_conjugation
+from phexfab.surface.freeform.surface import mesh_surface
 
 WAYS = [progressive_conjugation, prespecified_conjugation]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from phexfab.surface.rim import Rim
+from phexfab.surface.rims.rim import Rim
 
 TURN = 2 * np.pi
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import Delaunay
 
 from phexfab.errors import SurfaceError
-from phexfab.surface.atlas import SPACING, atlas, atlas_surface
 from phexfab.surface.classical import catenoid, enneper
+from phexfab.surface.mesh_films.atlas import SPACING, atlas, atlas_surface
 
 SURFACES = [enneper().scaled(1000.0), catenoid().scaled(1000.0), enneper(3).scaled(1000.0)]
 

@@ -5,7 +5,7 @@ import pytest
 
 from phexfab.errors import MeshError, SurfaceError
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.surface.freeform import implicit, mesh_surface, nurbs, parametric
+from phexfab.surface.freeform.surface import implicit, mesh_surface, nurbs, parametric
 
 RING, TUBE = 3000.0, 1000.0
 TURN = 2 * np.pi

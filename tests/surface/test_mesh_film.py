@@ -8,14 +8,14 @@ from scipy.special import ellipk
 
 from phexfab.errors import MeshError, SurfaceError
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.surface.area import area_gradient, area_hessian, total_area
 from phexfab.surface.classical import enneper
-from phexfab.surface.film_area import heights_over
-from phexfab.surface.film_limit import film_limit
-from phexfab.surface.mesh_film import border_rims, film_of_mesh, mesh_film
-from phexfab.surface.mirror import Mirror
-from phexfab.surface.rim import Rim
-from phexfab.surface.triangulated import border_loops, flip_to_delaunay
+from phexfab.surface.mesh_films.area import area_gradient, area_hessian, total_area
+from phexfab.surface.mesh_films.film_area import heights_over
+from phexfab.surface.mesh_films.limit import film_limit
+from phexfab.surface.mesh_films.mesh_film import border_rims, film_of_mesh, mesh_film
+from phexfab.surface.mesh_films.mirror import Mirror
+from phexfab.surface.mesh_films.triangulated import border_loops, flip_to_delaunay
+from phexfab.surface.rims.rim import Rim
 
 R = 1000.0
 

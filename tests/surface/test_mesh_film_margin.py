@@ -5,10 +5,10 @@ import pytest
 from scipy.optimize import brentq
 
 from phexfab.errors import SurfaceError
-from phexfab.surface.film_area import heights_over
-from phexfab.surface.film_margin import mesh_film_with_margin
-from phexfab.surface.mesh_film import mesh_film
-from phexfab.surface.rim import Rim
+from phexfab.surface.mesh_films.film_area import heights_over
+from phexfab.surface.mesh_films.margin import mesh_film_with_margin
+from phexfab.surface.mesh_films.mesh_film import mesh_film
+from phexfab.surface.rims.rim import Rim
 
 R = 1000.0
 

@@ -8,7 +8,7 @@ from scipy.special import ellipk, elliprf
 
 from phexfab.errors import SurfaceError
 from phexfab.surface import check_rectangle
-from phexfab.surface.periodic import (
+from phexfab.surface.periodic.closed_forms import (
     CORNER,
     MIDDLE,
     PERIODIC,

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from phexfab.errors import SurfaceError
-from phexfab.surface.periodic import PERIODIC, periodic_area
-from phexfab.surface.periodic_mesh import periodic_film
+from phexfab.surface.periodic.closed_forms import PERIODIC, periodic_area
+from phexfab.surface.periodic.mesh import periodic_film
 
 CELL = 1000.0
 

@@ -10,11 +10,11 @@ from scipy.special import ellipk
 
 from phexfab.errors import SurfaceError
 from phexfab.surface.classical import enneper
-from phexfab.surface.null_series import NullBoundary, NullSeries
-from phexfab.surface.plateau import plateau, umbilic_count
-from phexfab.surface.plateau_grid import DirichletForm, graded_grid, uniform_grid
-from phexfab.surface.plateau_start import chord_energy
-from phexfab.surface.rim import Rim
+from phexfab.surface.disc_films.grid import DirichletForm, graded_grid, uniform_grid
+from phexfab.surface.disc_films.null_series import NullBoundary, NullSeries
+from phexfab.surface.disc_films.plateau import plateau, umbilic_count
+from phexfab.surface.disc_films.start import chord_energy
+from phexfab.surface.rims.rim import Rim
 
 
 def distance(film, known, guess):

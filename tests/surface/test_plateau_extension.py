@@ -7,9 +7,9 @@ from scipy.spatial import cKDTree
 
 from phexfab.errors import SurfaceError
 from phexfab.surface.classical import enneper
-from phexfab.surface.extension import extended, film_with_margin
-from phexfab.surface.plateau import plateau
-from phexfab.surface.rim import Rim
+from phexfab.surface.disc_films.extension import extended, film_with_margin
+from phexfab.surface.disc_films.plateau import plateau
+from phexfab.surface.rims.rim import Rim
 
 CANOPY = 1000 * np.array([[0, 0, 0], [12, 0, 3], [12, 9, 0.5], [0, 9, 4.0]])
 

@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import quad
 
 from phexfab.errors import DesignError
-from phexfab.surface.rim import Rim
-from phexfab.surface.rim_corners import corner_points
-from phexfab.surface.rim_pieces import line
+from phexfab.surface.rims.corners import corner_points
+from phexfab.surface.rims.pieces import line
+from phexfab.surface.rims.rim import Rim
 
 TURN = 2.0 * np.pi
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from phexfab.errors import DesignError
-from phexfab.surface.rim import Rim
-from phexfab.surface.rim_checks import check_rims, check_size, checked
+from phexfab.surface.rims.checks import check_rims, check_size, checked
+from phexfab.surface.rims.rim import Rim
 
 A = 2.0 * np.pi * np.arange(64) / 64
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from phexfab.errors import DesignError
-from phexfab.surface.rim_csv import read_rim_csv
+from phexfab.surface.rims.table import read_rim_csv
 
 QUAD = [[0, 0, 0], [12000, 0, 3000], [12000, 9000, 0.5], [0, 9000, 4000]]
 

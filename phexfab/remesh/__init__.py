@@ -1,0 +1,1 @@
+"""P-Hex computation: lattices, tangent and Dupin duality, conjugate curves, planarity."""

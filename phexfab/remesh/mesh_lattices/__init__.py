@@ -1,0 +1,1 @@
+"""Lattices of films on triangle meshes, of any topology."""

@@ -1,0 +1,1 @@
+"""The nearest mesh of planar faces to any polygon mesh."""

@@ -1,0 +1,1 @@
+"""Lattices of analytic films, closed up around any number of umbilics."""

@@ -1,0 +1,1 @@
+"""Surfaces that are not minimal: parametric, NURBS, implicit, triangle meshes."""

@@ -1,0 +1,1 @@
+"""Triply periodic minimal surfaces: Schwarz' P and D, Schoen's gyroid, any box of cells."""
