@@ -64,29 +64,42 @@ def test_a_ring_between_two_rims(kind):
     assert len(mesh.vertices) - edges + mesh.n_faces == 0  # an annulus
 
 
-wave = st.tuples(st.integers(2, 5), st.floats(-0.1, 0.1, width=32), st.floats(-0.1, 0.1, width=32))
+wave = st.tuples(
+    st.integers(2, 5), st.floats(-0.125, 0.125, width=32), st.floats(-0.125, 0.125, width=32)
+)
 
 
 @pytest.mark.long
-@settings(
-    max_examples=200, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
-)
-@given(
-    up=st.lists(wave, min_size=1, max_size=3),
-    out=st.lists(wave, max_size=1),
-    size=st.floats(3000, 15000),
-    parts=st.floats(8, 16),
-    kind=st.sampled_from(KINDS),
-    evenness=st.sampled_from([0.0, 1.0]),
-)
-def test_two_hundred_random_rims(up, out, size, parts, kind, evenness):
-    """A valid shell or a refusal that says why; never anything else."""
-    flat = [(n, c / 2, s / 2) for n, c, s in out]
-    rim = waves([*up, (2, 0.08, 0.0)], flat, size=size)
-    asked = design(panel_size=size / parts, kind=kind, lattice={"evenness": evenness})
-    try:
-        made = form(asked, silent, (rim,))
-    except PhexError as refusal:
-        assert len(str(refusal)) > 40
-        return
-    assert_exact(made.shell, 1e-9)
+def test_two_hundred_random_rims():
+    """A valid shell or a refusal that says why; never anything else, and refusals are rare."""
+    refused: list[str] = []
+    built: list[int] = []
+
+    @settings(
+        max_examples=200, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+    )
+    @given(
+        up=st.lists(wave, min_size=1, max_size=3),
+        out=st.lists(wave, max_size=1),
+        size=st.floats(3000, 15000),
+        parts=st.floats(8, 16),
+        kind=st.sampled_from(KINDS),
+        evenness=st.sampled_from([0.0, 1.0]),
+    )
+    def one_rim(up, out, size, parts, kind, evenness):
+        flat = [(n, c / 2, s / 2) for n, c, s in out]
+        rim = waves([*up, (2, 0.08, 0.0)], flat, size=size)
+        asked = design(panel_size=size / parts, kind=kind, lattice={"evenness": evenness})
+        try:
+            made = form(asked, silent, (rim,))
+        except PhexError as refusal:
+            assert len(str(refusal)) > 40
+            refused.append(str(refusal))
+            return
+        assert_exact(made.shell, 1e-9)
+        built.append(made.shell.mesh.n_faces)
+
+    one_rim()
+    print(f"{len(built)} built, {len(refused)} refused:", *refused, sep="\n")
+    assert len(built) + len(refused) >= 200
+    assert len(refused) < 0.1 * len(built)
