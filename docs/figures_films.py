@@ -16,6 +16,7 @@ VIEWS = {
     "five-lobed-roof": View(azimuth=-70, elevation=36),
     "ring-court": View(azimuth=-65, elevation=34),
     "schwarz-p-cell": View(azimuth=-60, elevation=22),
+    "gyroid-cell": View(azimuth=-60, elevation=22),
 }
 
 

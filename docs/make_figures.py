@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +10,6 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from PIL import Image
 
 from phexfab.fabrication.parts import FAMILY_COLOURS, Cylinder, Material, Node
 from phexfab.minimal.shell import minimal_shell, surface_distance
@@ -251,29 +247,6 @@ def surfaces_figure() -> None:
     plt.close()
 
 
-def report_figure() -> None:
-    """The top of the pavilion's report, as a browser shows it; needs chromium."""
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    if browser is None:
-        raise SystemExit("report.png needs chromium on the path")
-    with tempfile.TemporaryDirectory() as made:
-        build(EXAMPLES / "catenoid-pavilion.toml").write(Path(made) / "build")
-        options = (
-            "--headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader "
-            "--no-first-run --hide-scrollbars --window-size=1280,1250 --virtual-time-budget=4000"
-        )
-        shot = Path(made) / "report.png"
-        page = (Path(made) / "build" / "report.html").as_uri()
-        profile = f"--user-data-dir={made}/profile"
-        command = [browser, *options.split(), profile, f"--screenshot={shot}", page]
-        subprocess.run(command, check=True, capture_output=True, timeout=120)
-        with Image.open(shot) as image:
-            small = image.convert("RGB").resize((896, 875), Image.Resampling.LANCZOS)
-        # The few green pixels of the verdict must not be lost among the many of the shell.
-        few = small.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-        few.save(FOLDER / "report.png", optimize=True)
-
-
 def save(name: str) -> None:
     """Write the current figure."""
     plt.tight_layout()
@@ -289,4 +262,3 @@ if __name__ == "__main__":
     pavilion_figure()
     gauss_images_figure()
     node_figure()
-    report_figure()

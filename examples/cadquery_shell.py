@@ -1,4 +1,4 @@
-"""Open a shell in CadQuery, drill one panel for its fixing, and export the whole assembly.
+"""Open a shell in CadQuery, drill a panel, set pins on its nodes, export the whole assembly.
 
 python examples/cadquery_shell.py [folder]
 """
@@ -8,26 +8,21 @@ from pathlib import Path
 
 import cadquery as cq
 
-import phexfab
-import phexfab.cad.cadquery_plugin  # adds Workplane.phexParts and Workplane.phexShell
+import phexfab.cadquery  # adds methods to Workplane and Assembly
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 build = phexfab.build(Path(__file__).with_name("catenoid-pavilion.toml"))
-mark = "P017"
-
-caps = cq.selectors.AreaNthSelector(-1)  # the largest faces: front and back
-drilled = (
-    cq.Workplane()
-    .phexParts(build, mark)
-    .faces(caps)
-    .first()
-    .workplane(centerOption="CenterOfMass")
-    .hole(12)
-)
-
 assembly = build.to_cadquery()
-assembly.objects[f"panels/{mark}"].obj = drilled.val()
+
+part = assembly.objects["panels/P017"]
+drilled = part.obj.faces(tag="top").workplane(centerOption="CenterOfMass").hole(12)
+part.obj = drilled.solids()
+
+corners = [mark for beam in build.parts.beams if "P017" in beam.neighbours for mark in beam.nodes]
+pins = cq.Workplane().phexLocations(build, corners).eachpoint(cq.Solid.makeCylinder(8, 60), True)
+for number, pin in enumerate(pins.vals(), 1):
+    assembly.add(pin, name=f"pin-{number}", color=cq.Color("firebrick"))
 assembly.export(str(folder / "shell-drilled.step"))
 
-before = next(panel.volume for panel in build.parts.panels if panel.mark == mark)
-print(f"{mark}: {before:.1f} mm³ before drilling, {drilled.val().Volume():.1f} mm³ after")
+before = part.metadata["volume"]
+print(f"P017: {before:.1f} mm³ before drilling, {drilled.val().Volume():.1f} mm³ after")

@@ -3,13 +3,50 @@
 A message names the file, key or part, the value, and what to do about it.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
 
 class PhexError(Exception):
-    """Base of every error that phexfab raises on purpose."""
+    """Base of every error that phexfab raises on purpose.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> try:
+    ...     px.minimal_surface("enneper", order=0)
+    ... except px.PhexError as error:
+    ...     print(error)
+    enneper: order must be between 1 and 12, not 0
+    """
 
 
 class DesignError(PhexError, ValueError):
-    """The design asks for something impossible; the message names key, value and remedy."""
+    """The design asks for something impossible; the message names key, value and remedy.
+
+    Attributes
+    ----------
+    problems : tuple of phexfab.design.problem.Problem
+        Every mistake of a design file on its own; () where the message is about one thing.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> try:
+    ...     px.make_design({"surface": {"name": "enneper"}, "lattice": {"panel_size": "5 kg"}})
+    ... except px.DesignError as error:
+    ...     print(error.problems[0].key)
+    lattice.panel_size
+    """
+
+    def __init__(self, message: str = "", problems: Iterable[Any] = ()) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.problems)
 
 
 class SurfaceError(PhexError, ValueError):

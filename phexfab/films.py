@@ -27,9 +27,12 @@ from phexfab.surface.domain import Disc
 from phexfab.surface.mesh_films.atlas import atlas
 from phexfab.surface.mesh_films.margin import inward, mesh_film_with_margin
 from phexfab.surface.mesh_films.mesh_film import MeshFilm, film_of_mesh, mesh_film, rimmed
+from phexfab.surface.panel_sizes import DISC_EDGE, sizes_along_disc, sizes_at_rims
 from phexfab.surface.periodic.mesh import periodic_film
 from phexfab.surface.rims.checks import unit_factor
+from phexfab.surface.rims.inward import rounded_inward
 from phexfab.surface.rims.rim import Rim
+from phexfab.surface.umbilics import umbilics
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -37,12 +40,14 @@ Figures = Mapping[str, tuple[float | int | str, str]]
 
 MARGIN = 1.7
 """Panels by which a film reaches beyond its rims: border panels need whole neighbours."""
-SIZES = (0.7, 2.5)
-"""Margins follow the size of panels at the rim, within these shares of the median panel."""
-EDGE = 0.999
-"""Share of a film's disc that is used: at its very edge a film with corners is inaccurate."""
+BLUR = 1e-9
+"""Share of a film's Hopf differential that is not its own: it parts umbilics of higher order."""
 FINE = 30
 """Edges of a periodic film's mesh along its cell, at least: fewer do not show its umbilics."""
+FINER = (1.0, 0.65, 0.45)
+"""Edges of that mesh, over the first choice, that are tried where it shows too little."""
+ACROSS, COARSEST = 45.0, 2.0
+"""Panels across a rim up to which a mesh's edges are as long as they; longest edges, in panels."""
 SAMPLES = 24
 """Points of a border per panel along it."""
 
@@ -92,8 +97,27 @@ def film_within(design: Design, rims: Sequence[Rim] = ()) -> DiscFilm | MeshFilm
         given = tuple(rims) or rims_asked(design)
         if len(given) == 1:
             return plateau(given[0], tolerance=FILM, free=design.surface.free)
-        return mesh_film(given, design.lattice.panel_size, name=design.name)
+        return _film_between(given, design.lattice.panel_size, design.name)
     return _given_film(design) if source == "mesh" else None
+
+
+def _film_between(rims: Sequence[Rim], panel_size: float, name: str) -> MeshFilm:
+    """Return the film on a mesh as coarse as will do.
+
+    The lattice's error is that of linear elements, (edge / rim)² of the rim's length: to stay the
+    same share of a panel, edges need to shrink with the root of the panels' size only.
+    """
+    rims = tuple(rims)
+    across = max(rim.size for rim in rims) / panel_size
+    edge = panel_size * float(np.clip(np.sqrt(across / ACROSS), 1.0, COARSEST))
+    if edge > panel_size:
+        try:
+            film = mesh_film(rims, edge, name=name)
+        except SurfaceError:
+            film = None
+        if film is not None and not film.rough:
+            return film
+    return mesh_film(rims, panel_size, name=name)
 
 
 def film_of(design: Design, within: DiscFilm | MeshFilm | None, reach: float = 1.0) -> Film:
@@ -176,6 +200,8 @@ def rims_asked(design: Design) -> tuple[Rim, ...]:
             found += read_rims(beside(design, item), layer=asked.layer, **options)
         else:
             found += rims_of(np.array(item), name="surface.rim", **options)
+    if asked.smooth_inward is not None:
+        return rounded_inward(found, asked.smooth_inward)
     return tuple(found)
 
 
@@ -201,7 +227,13 @@ def _round_piece(design: Design, margin: float) -> Film:
         outer *= 1.02
     rim = centre + radius * turn
     border = Border(smooth.point(rim), smooth.normal(rim), np.zeros(0, np.int64))
-    return Film(smooth, _grown(design, smooth, Disc(centre, outer)), (border,), 0.0, {})
+    return Film(
+        smooth,
+        _grown(design, smooth, Disc(centre, outer), Disc(centre, radius)),
+        (border,),
+        0.0,
+        {},
+    )
 
 
 def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
@@ -215,14 +247,15 @@ def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
             f"{film.surface.scale:.0f} mm; choose {size * film.surface.scale / 3 / margin:.0f} mm "
             "or less"
         )
-    wider = extended(film, margin, _disc_sizes(film))
-    domain = Disc(0.0, EDGE * wider.radius)
+    wider = extended(film, margin, sizes_along_disc(film))
+    domain = wider.domain.widened(DISC_EDGE - 1) if wider.domain.is_round else wider.domain
     z = domain.grid()
     places = wider.surface.point(z)
     border, foot = border_on(wider.surface, rim, places, z, design.lattice.panel_size)
-    if np.angle(np.roll(foot, -1) / foot).sum() < 0:  # z turns as the normals do
+    arm = foot - domain.centre
+    if np.angle(np.roll(arm, -1) / arm).sum() < 0:  # z turns as the normals do
         border, _ = border_on(wider.surface, rim.reversed(), places, z, design.lattice.panel_size)
-    lattice = _grown(design, wider.surface, domain)
+    lattice = _grown(design, wider.surface, domain, wider.core, BLUR)
     figures: Figures = {
         "film area": (wider.film.area / 1e6, "m²"),
         "film conformality": (wider.film.conformality, ""),
@@ -231,7 +264,7 @@ def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
 
 
 def _mesh_film(design: Design, film: MeshFilm, margin: float) -> Film:
-    wider = mesh_film_with_margin(film, [margin * share for share in _rim_sizes(film)])
+    wider = mesh_film_with_margin(film, [margin * share for share in sizes_at_rims(film)])
     z = wider.atlas.parameter_of_vertex(np.arange(len(wider.points)))
     borders = []
     for k, rim in enumerate(film.border):
@@ -248,7 +281,7 @@ def _mesh_film(design: Design, film: MeshFilm, margin: float) -> Film:
             f"lattice.panel_size = {design.lattice.panel_size:.4g} mm: {error}; smaller panels "
             "rest on a finer film"
         ) from error
-    figures: Figures = {"film area": (film.area / 1e6, "m²")}
+    figures: Figures = {"film area": (film.area / 1e6, "m²"), **_as_curved(design)}
     return Film(wider.surface, lattice, tuple(borders), wider.off_rim, figures, upright=True)
 
 
@@ -264,57 +297,36 @@ def _given_film(design: Design) -> MeshFilm:
     return rimmed(film, **angle)
 
 
-def _disc_sizes(film: DiscFilm) -> FloatArray:
-    """Return how large panels are along the boundary (N,), over the median panel."""
-    disc = Disc(0.0, EDGE)
-    grid, circle = disc.grid(), EDGE * np.exp(1j * film.angles)
-    kappa = np.abs(film.surface.principal_curvatures(grid)[:, 0])
-    panels = film.surface.conformal_factor(grid) ** 2 * kappa
-    order = np.argsort(kappa)
-    middle = kappa[order[np.searchsorted(np.cumsum(panels[order]), panels.sum() / 2)]]
-    with np.errstate(all="ignore"):
-        sizes = np.sqrt(middle / np.abs(film.surface.principal_curvatures(circle)[:, 0]))
-    return np.clip(np.nan_to_num(sizes, nan=1.0), *SIZES)
-
-
-def _rim_sizes(film: MeshFilm) -> list[float]:
-    """Return how large panels are at each rim, over the median panel; they measure step/√κ."""
-    atlas = film.atlas
-    kappa = np.abs(
-        film.surface.principal_curvatures(atlas.parameter_of_vertex(np.arange(len(film.points))))[
-            :, 0
-        ]
-    )
-    corners = film.points[film.triangles]
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    panels = np.bincount(film.triangles.ravel(), np.repeat(areas, 3), len(kappa)) * kappa
-    order = np.argsort(kappa)
-    middle = order[np.searchsorted(np.cumsum(panels[order]), panels.sum() / 2)]
-    with np.errstate(divide="ignore"):
-        sizes = np.sqrt(kappa[middle] / kappa)
-    return [
-        float(np.clip(np.quantile(sizes[film.rim_of == k], 0.9), *SIZES))
-        for k in range(len(film.rims))
-    ]
-
-
 def _periodic_film(design: Design, margin: float) -> Film:
     asked, size = design.surface, design.lattice.panel_size
-    film = periodic_film(
-        str(asked.periodic),
-        cell=asked.scale,
-        cells=asked.cells,
-        edge_length=min(size / 3, asked.scale / FINE),
-        margin=margin,
-    )
-    found = atlas(film.points, film.triangles, normals=film.normals, name=film.name)
-    z = found.parameter_of_vertex(np.arange(len(film.points)))
-    bends = (film.normals, film.directions, film.curvatures)
-    lattice = _traced(design, found.surface, film.points, film.triangles, z, bends)
+    edge = min(size, asked.scale / FINE)
+    for share in FINER:
+        film = periodic_film(
+            str(asked.periodic),
+            cell=asked.scale,
+            cells=asked.cells,
+            edge_length=share * edge,
+            margin=margin,
+        )
+        found = atlas(film.points, film.triangles, normals=film.normals, name=film.name)
+        z = found.parameter_of_vertex(np.arange(len(film.points)))
+        bends = (film.normals, film.directions, film.curvatures)
+        try:
+            lattice = _traced(design, found.surface, film.points, film.triangles, z, bends)
+        except MeshError:  # too coarse where the margin ends near an umbilic
+            if share == FINER[-1]:
+                raise
+        else:
+            break
     borders = tuple(Border(one.points, one.normals, one.corners) for one in film.cut.borders)
-    return Film(found.surface, lattice, borders, 0.0, {"film area": (film.cut.area / 1e6, "m²")})
+    figures: Figures = {"film area": (film.cut.area / 1e6, "m²"), **_as_curved(design)}
+    return Film(found.surface, lattice, borders, 0.0, figures)
+
+
+def _as_curved(design: Design) -> Figures:
+    """Say, if it was asked for, that a lattice on a mesh does not even sizes out."""
+    said = ("no: on a mesh they follow the curvature", "")
+    return {"panel sizes evened out": said} if design.lattice.evenness else {}
 
 
 def _bends(smooth: MinimalSurface, z: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -374,7 +386,9 @@ def border_on(
     return Border(along, smooth.normal(foot), corners), foot
 
 
-def _grown(design: Design, smooth: MinimalSurface, domain: Disc) -> Lattice:
+def _grown(
+    design: Design, smooth: MinimalSurface, domain: Disc, core: Disc, blur: float = 0.0
+) -> Lattice:
     asked = design.lattice
     return grow_lattice(
         smooth,
@@ -384,5 +398,7 @@ def _grown(design: Design, smooth: MinimalSurface, domain: Disc) -> Lattice:
         rows_along=asked.rows_along,
         evenness=asked.evenness,
         kind=design.offset.type,
+        core=core,
+        found=umbilics(smooth, domain, blur),
         trim=False,
     )

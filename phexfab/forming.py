@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +25,18 @@ from phexfab.errors import (
 )
 from phexfab.fabrication.checks import Limits
 from phexfab.fabrication.geometry_checks import bad_faces
+from phexfab.fabrication.panels import PanelSpec, largest_gaps
+from phexfab.fabrication.parts import Material
 from phexfab.films import Film, film_of, film_within, smooth_surface
 from phexfab.freeform_shells import freeform_shell
 from phexfab.mesh.measures import signed_areas
 from phexfab.minimal.shell import lattice_on, solved_shell
 from phexfab.parallel.border import place
 from phexfab.parallel.cut import CutReport, cut_shell
+from phexfab.parallel.offset import admissible_interval
 from phexfab.parallel.shell import Shell
+from phexfab.parallel.within import border_distance, panels_within
+from phexfab.remesh.fewer_panels import firm_shell, without_panels
 from phexfab.surface import MinimalSurface, check_rectangle
 from phexfab.surface.freeform.surface import FreeformSurface
 from phexfab.surface.mesh_films.mesh_film import MeshFilm
@@ -86,7 +92,7 @@ class Form:
     deviation: FloatArray | None = None
 
 
-def form(design: Design, say: Progress, rims: Sequence[Rim] = ()) -> Form:
+def form(design: Design, say: Progress, rims: Sequence[Rim] = (), face: Any = None) -> Form:
     """Return the shell that a design asks for.
 
     Parameters
@@ -96,14 +102,16 @@ def form(design: Design, say: Progress, rims: Sequence[Rim] = ()) -> Form:
         Called with a stage's name, steps done and steps in all (0 where unknown).
     rims : sequence of Rim
         Used in place of the files or points that ``surface.rim`` names.
+    face : optional
+        Face of a CAD library in place of the one that ``surface.step`` names.
 
     Raises
     ------
     DesignError, SurfaceError, LatticeError, SolveError, MeshError
         Each says what is impossible, where, and what to change.
     """
-    if design.mesh.method is not None:
-        made = freeform_shell(design, rims)
+    if design.mesh.method is not None or face is not None:
+        made = freeform_shell(design, rims, face)
         return Form(made.surface, made.shell, None, None, made.figures, made.deviation)
     if design.surface.source == "named" and design.surface.radius is None and not rims:
         return _on_rectangle(design, say)
@@ -111,7 +119,8 @@ def form(design: Design, say: Progress, rims: Sequence[Rim] = ()) -> Form:
     within = film_within(design, rims)
     failed: PhexError | None = None
     too_far = np.inf
-    for reach, size in TRIES:
+    slow = design.surface.source == "periodic"
+    for reach, size in TRIES[:4] if slow else TRIES:
         if reach >= too_far:
             continue
         say("surface", 0, 0)
@@ -121,14 +130,14 @@ def form(design: Design, say: Progress, rims: Sequence[Rim] = ()) -> Form:
             film = film_of(tried, within, reach)
             say("shell", 0, 0)
             whole, index = solved_shell(film.surface, film.lattice, design.offset.type)
-            return _cut(tried, film, whole, index)
+            return _ended(tried, film, whole, index)
         except SurfaceError as error:  # it cannot be continued that far
             failed, too_far = failed or error, min(too_far, reach)
         except MeshError as error:  # the shell ends before its rim, or cannot be cut there
             failed = failed or error
         except (LatticeError, SolveError) as error:
             failed = failed or error
-            if isinstance(within, MeshFilm) or design.surface.source == "periodic":
+            if isinstance(within, MeshFilm) or slow:
                 break  # what a wider margin does not change, and long in the making
     assert failed is not None
     raise failed
@@ -194,7 +203,63 @@ def parameter_rectangle(
     return (u0, u1, v0, v1), closed
 
 
-def _cut(design: Design, film: Film, whole: Shell, index: int | None) -> Form:
+def _ended(design: Design, film: Film, whole: Shell, index: int | None) -> Form:
+    """Return the form of a shell that ends at its rims, as the design asks."""
+    if design.border.panels == "whole":
+        shell, off, figures = _in_whole_panels(design, film, whole)
+    else:
+        shell, off, figures = _cut(design, film, whole)
+    crossed = bad_faces(shell)
+    if crossed.any():
+        spot = shell.points[shell.panels[np.argmax(crossed)]]
+        raise MeshError(
+            f"the panel at {place(spot)} would cross itself: panels of "
+            f"{design.lattice.panel_size:.4g} mm are too large for the film there; choose a "
+            "smaller lattice.panel_size"
+        )
+    # Whose rim is given sees it from above; a named surface has the side that its formula says.
+    if film.upright and faces_down(shell):
+        shell = shell.turned_over()
+    if design.border.panels == "cut":
+        _require_room(design, shell)
+    return Form(film.surface, shell, index, off, {**film.figures, **figures})
+
+
+def _require_room(design: Design, shell: Shell) -> None:
+    """Refuse a cut that leaves no room for panels or bars: another one may do better."""
+    depth = _depth(design, False)
+    low, high = admissible_interval(shell)
+    panel = design.panels
+    spec = PanelSpec(
+        panel.thickness, panel.gap, panel.side, panel.edges, Material(panel.material, panel.density)
+    )
+    gaps = largest_gaps(shell, spec)
+    remedy = 'choose another lattice.panel_size, or border.panels = "whole"'
+    if -depth[0] / 1.15 < low or high < depth[1] / 1.15:
+        raise MeshError(
+            f"the rim leaves edges that vanish {min(-low, high):.0f} mm off the shell, within the "
+            f"depth of panels and bars; {remedy}, or lower bars"
+        )
+    if gaps.min() <= panel.gap:
+        spot = shell.mesh.polygon(int(gaps.argmin())).mean(axis=0)
+        raise MeshError(
+            f"the rim leaves a panel at {place(spot)} that is too small for a gap of "
+            f"{panel.gap:g} mm; {remedy}, or a smaller panels.gap"
+        )
+
+
+def _in_whole_panels(
+    design: Design, film: Film, whole: Shell
+) -> tuple[Shell, float | None, Figures]:
+    """Return the panels whose middle lies within the rims; they end off the rim by design."""
+    kept = panels_within(whole, film.borders)
+    shell = firm_shell(without_panels(whole, whole.panels[~kept]))
+    size = design.lattice.panel_size
+    off = border_distance(shell, film.borders, size / 16) + film.rim_distance
+    return shell, None, {"whole panels end off the rim, at most": (off, "mm")}
+
+
+def _cut(design: Design, film: Film, whole: Shell) -> tuple[Shell, float | None, Figures]:
     asked = design.border
     made = cut_shell(
         whole,
@@ -202,37 +267,31 @@ def _cut(design: Design, film: Film, whole: Shell, index: int | None) -> Form:
         sliver_share=asked.sliver,
         sliver_width=asked.sliver_width,
         shortest_edge=_shortest_edge(design),
-        depth=_depth(design),
+        depth=_depth(design, film.upright and faces_down(whole)),
         sagitta=asked.sagitta,
         direction=PLUMB if asked.direction == "plumb" else None,
     )
-    crossed = bad_faces(made.shell)
-    if crossed.any():
-        spot = made.shell.points[made.shell.panels[np.argmax(crossed)]]
-        raise MeshError(
-            f"the panel at {place(spot)} would cross itself: panels of "
-            f"{design.lattice.panel_size:.4g} mm are too large for the film there; choose a "
-            "smaller lattice.panel_size"
-        )
-    shell = made.shell
-    # Whose rim is given sees it from above; a named surface has the side that its formula says.
-    if film.upright and faces_down(shell):
-        shell = shell.turned_over()
-    return Form(
-        film.surface,
-        shell,
-        index,
+    return (
+        made.shell,
         made.report.rim_distance + film.rim_distance,
-        {**film.figures, **_cut_figures(made.report)},
+        _cut_figures(made.report),
     )
 
 
-def _depth(design: Design) -> float:
-    """How deep panels and beams reach, mm, so that no edge at the rim vanishes on the way."""
+def _depth(design: Design, upside_down: bool) -> tuple[float, float]:
+    """How deep panels and bars reach below and above M, mm: no edge at the rim may vanish there."""
+    panel, bars = design.panels, 0.0
+    if design.beams.kind == "flat":
+        bars = design.beams.height + design.beams.seat + design.beams.width / 2
+    below = {"outside": 0.0, "inside": 1.0, "centre": 0.5}[panel.side] * panel.thickness
+    above = panel.thickness - below
+    if panel.side == "inside":
+        above += bars
+    else:
+        below += bars
     if design.offset.distance is not None:
-        return 1.15 * abs(design.offset.distance)
-    bars = design.beams.height + design.beams.seat if design.beams.kind == "flat" else 0.0
-    return 1.15 * (design.panels.thickness + bars)
+        below, above = max(below, -design.offset.distance), max(above, design.offset.distance)
+    return (1.15 * above, 1.15 * below) if upside_down else (1.15 * below, 1.15 * above)
 
 
 def _shortest_edge(design: Design) -> float:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phexfab.cad.freeform_faces import trimmed_surfaces_of
+from phexfab.cad.freeform_faces import TrimmedSurface, trimmed_surfaces_of
 from phexfab.design import Design
 from phexfab.errors import DesignError, LatticeError, MeshError, PhexError
 from phexfab.films import beside
@@ -25,6 +25,7 @@ from phexfab.mesh.trimesh_io import read_triangles
 from phexfab.parallel.shell import Shell
 from phexfab.remesh.conjugate.fields import field_family
 from phexfab.remesh.conjugate.hexagons import ConjugateHexagons, conjugate_hexagons
+from phexfab.remesh.coverage import Coverage, coverage
 from phexfab.remesh.dupin.planar import dupin_hexagons
 from phexfab.remesh.fewer_panels import (
     centre_distances,
@@ -86,8 +87,10 @@ class _Patch:
     holds: Callable[[FloatArray], NDArray[np.bool_]] | None
 
 
-def freeform_shell(design: Design, rims: Sequence[Rim] = ()) -> FreeformShell:
+def freeform_shell(design: Design, rims: Sequence[Rim] = (), face: Any = None) -> FreeformShell:
     """Return the shell that a design with a ``mesh.method`` asks for; rims are refused.
+
+    A face of a CAD library is used in place of what ``surface.step`` names.
 
     Raises
     ------
@@ -105,8 +108,10 @@ def freeform_shell(design: Design, rims: Sequence[Rim] = ()) -> FreeformShell:
             "given in its place; a film between rims is minimal and has no mesh.method"
         )
     if method == "planarise":
+        if face is not None:
+            raise DesignError('mesh.method = "planarise": needs a mesh, but a face is given')
         return _planarised(design)
-    patch = _patch(design)
+    patch = _patch(design, face)
     try:
         shell, figures = METHODS[method](design, patch)
         shell, dropped = _within(shell, patch)
@@ -118,13 +123,23 @@ def freeform_shell(design: Design, rims: Sequence[Rim] = ()) -> FreeformShell:
             f"{patch.surface.name}; take a smaller lattice.panel_size"
         )
     away, over = _distances(patch.surface, shell.mesh.vertices)
+    under = coverage(patch.surface, shell.mesh, holds=patch.holds)
     figures = {
         "method": (method, ""),
         **figures,
         "panels left out at the border": (dropped, ""),
         "panels reach over the border, at most": (float(over.max()), "mm"),
+        "share of the surface covered": (under.share, ""),
+        "deepest gap, from the nearest panel": (under.gaps[0].depth if under.gaps else 0.0, "mm"),
+        "place of the deepest gap": (_place(under), "mm"),
     }
     return FreeformShell(patch.surface, shell, away, figures)
+
+
+def _place(under: Coverage) -> str:
+    if not under.gaps:
+        return "none"
+    return "[" + ", ".join(f"{x:.4g}" for x in under.gaps[0].place) + "]"
 
 
 def surface_of(design: Design) -> FreeformSurface:
@@ -145,8 +160,13 @@ def _distances(surface: FreeformSurface, points: FloatArray) -> tuple[FloatArray
     return np.abs(away), over
 
 
-def _patch(design: Design) -> _Patch:
+def _patch(design: Design, face: Any = None) -> _Patch:
     asked = design.surface
+    if face is not None:
+        given = trimmed_surfaces_of(face)
+        if len(given) != 1:
+            raise DesignError(f"{len(given)} faces are given; select one")
+        return _trimmed(given[0])
     if asked.step is not None:
         path = beside(design, asked.step)
         found = trimmed_surfaces_of(path)
@@ -161,11 +181,14 @@ def _patch(design: Design) -> _Patch:
                 f"surface.face = {number}: {path.name} has {len(found)} faces; take a number "
                 f"from 1 to {len(found)}"
             )
-        one = found[number - 1]
-        return _Patch(one.surface, None, one.holds if one.outline is not None else None)
+        return _trimmed(found[number - 1])
     path = beside(design, str(asked.mesh))
     mesh = _scaled(design, read_triangles(path), path)
     return _Patch(mesh_surface(mesh, name=path.name), mesh, None)
+
+
+def _trimmed(one: TrimmedSurface) -> _Patch:
+    return _Patch(one.surface, None, one.holds if one.outline is not None else None)
 
 
 def _scaled(design: Design, mesh: PolyMesh, path: Path) -> PolyMesh:

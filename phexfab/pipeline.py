@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import fsum
@@ -18,7 +19,7 @@ from phexfab.fabrication.beams import beams
 from phexfab.fabrication.checks import Limits, check_geometry, check_parts
 from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
-from phexfab.fabrication.parts import CheckResult, Material, Parts, Stock
+from phexfab.fabrication.parts import CheckResult, Material, Parts, Sheet, Stock
 from phexfab.films import rims_given
 from phexfab.forming import Form, form, panel_sizes
 from phexfab.minimal.shell import surface_distance
@@ -30,6 +31,8 @@ from phexfab.surface.freeform.surface import FreeformSurface
 if TYPE_CHECKING:
     import build123d
     import cadquery
+
+    from phexfab.cad.scale_model import ScaleModel
 
 Progress = Callable[[str, int, int], None]
 DesignLike = Design | str | PathLike[str]
@@ -50,6 +53,17 @@ class Build:
     parts : Parts
     checks : tuple of CheckResult
     figures : mapping of name to (value, unit)
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = {"name": "enneper", "scale": "3 m"}
+    >>> keys = {"surface": film, "lattice": {"panel_size": "50 cm"}}
+    >>> made = px.build(px.make_design(keys))
+    >>> made.figures["panels"], made.figures["offset type"]
+    ((27, ''), ('edge', ''))
+    >>> made.offset.mesh.n_faces == made.shell.mesh.n_faces  # the other end of the beams
+    True
     """
 
     design: Design
@@ -74,6 +88,13 @@ class Build:
         """Stock sheets of the families ``panels`` and ``beams``."""
         return stocks(self.design)
 
+    @cached_property
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Stock sheets with all panels and beams nested on them, which takes a while."""
+        from phexfab.delivery.job import Job
+
+        return tuple(Job(self, Path(os.devnull), _silent).nested[1])  # no earlier build serves
+
     def write(self, directory: str | PathLike[str], progress: Progress | None = None) -> Path:
         """Write all files of the build into a folder; it appears whole or not at all.
 
@@ -88,10 +109,48 @@ class Build:
         Raises
         ------
         NestingError, OSError, MissingLibraryError
+            If a part does not fit its sheet, a file cannot be written, a library is missing.
         """
         from phexfab.delivery import deliver
 
         return deliver(self, Path(directory), progress or _silent)
+
+    def export(
+        self,
+        destination: str | PathLike[str],
+        formats: str | Sequence[str] | None = None,
+        progress: Progress | None = None,
+        *,
+        model: ScaleModel | None = None,
+    ) -> tuple[Path, ...]:
+        """Write chosen files of the build; each appears whole or not at all.
+
+        Parameters
+        ----------
+        destination : path
+            A folder, which is made where it is missing and keeps what else it holds; or a file,
+            whose ending then tells the format.
+        formats : str or sequence of str
+            Some of ``step``, ``step242``, ``glb``, ``ifc``, ``3mf``, ``stl``, ``obj``, ``ply``,
+            ``dxf``, ``dxf12``. May be left out for a file.
+        progress : callable, optional
+            As for ``write``.
+        model : ScaleModel, optional
+            Scale, printer and wall of ``3mf`` and ``stl``; the design's ``[output]`` otherwise.
+
+        Returns
+        -------
+        tuple of Path
+            The files and folders that were written.
+
+        Raises
+        ------
+        DesignError, NestingError, OSError, MissingLibraryError
+            Likewise, or if a format is unknown.
+        """
+        from phexfab.delivery import export
+
+        return export(self, Path(destination), formats, progress, model=model)
 
     def to_cadquery(self) -> cadquery.Assembly:
         """Return a CadQuery assembly ``panels / beams / nodes`` of named, coloured solids."""
@@ -106,7 +165,9 @@ class Build:
         return to_build123d(self.parts, self.design.name)
 
 
-def build(design: DesignLike, progress: Progress | None = None, *, rims: Any = None) -> Build:
+def build(
+    design: DesignLike, progress: Progress | None = None, *, rims: Any = None, face: Any = None
+) -> Build:
     """Build a design: its shell, its parts and their checks.
 
     Parameters
@@ -115,6 +176,8 @@ def build(design: DesignLike, progress: Progress | None = None, *, rims: Any = N
     rims : optional
         Boundary curves in place of those that the design names: a ``Rim``, points (n, 3) in mm, a
         CadQuery ``Workplane`` or ``Wire``, a build123d ``Wire``, or a sequence of these.
+    face : optional
+        A curved face in place of the one that ``surface.step`` names, of CadQuery or build123d.
     progress : callable, optional
         Called with a stage's name, steps done and steps in all (0 where unknown).
 
@@ -124,11 +187,22 @@ def build(design: DesignLike, progress: Progress | None = None, *, rims: Any = N
         If the design is wrong; the message names key, value and remedy.
     SurfaceError, SolveError
         If the surface is singular in the rectangle of parameters, or a solver fails.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = {"name": "enneper", "scale": "3 m"}
+    >>> keys = {"surface": film, "lattice": {"panel_size": "50 cm"}}
+    >>> made = px.build(px.make_design(keys))  # or the path of a design file
+    >>> made.ok, len(made.parts.panels), len(made.parts.beams)
+    (True, 27, 101)
+    >>> print(f"{max(panel.mass for panel in made.parts.panels):.1f} kg")
+    2.7 kg
     """
     say = progress or _silent
     asked = design if isinstance(design, Design) else load_design(design)
     given = () if rims is None else rims_given(rims)
-    formed = form(asked, say, given)
+    formed = form(asked, say, given, face)
     shell = formed.shell
     distance = offset_distance(asked, shell)
     offset(shell, distance)  # refuses a distance beyond the limits
@@ -155,7 +229,33 @@ def build(design: DesignLike, progress: Progress | None = None, *, rims: Any = N
 
 
 def check(design: DesignLike, progress: Progress | None = None) -> tuple[CheckResult, ...]:
-    """Return the checks of a design; no file is written, a CAD kernel is loaded only to read."""
+    """Return the checks of a design; no file is written, a CAD kernel is loaded only to read.
+
+    Parameters
+    ----------
+    design : Design or path of a design file
+    progress : callable, optional
+        As for ``build``.
+
+    Returns
+    -------
+    tuple of CheckResult
+        Each with value, limit, unit and the mark of the worst part.
+
+    Raises
+    ------
+    DesignError, SurfaceError, SolveError
+        As ``build``. A check that fails is no error.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = {"name": "enneper", "scale": "3 m"}
+    >>> keys = {"surface": film, "lattice": {"panel_size": "50 cm"}}
+    >>> results = px.check(px.make_design(keys | {"checks": {"shortest_edge": "20 cm"}}))
+    >>> [result.name for result in results if not result.ok]
+    []
+    """
     return build(design, progress).checks
 
 

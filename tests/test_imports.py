@@ -22,12 +22,12 @@ FLOORS = [
     {"remesh"},
     {"minimal", "fabrication"},
     {"cad", "report", "testing"},
-    {"delivery", "comparison", "films"},
+    {"delivery", "comparison", "films", "schema"},
     {"freeform_shells"},
     {"forming"},
     {"pipeline"},
-    {"compare", "inspection"},
-    {"cli_view"},
+    {"compare", "inspection", "plots", "scripting", "selftest"},
+    {"cadquery", "build123d"},
     {"cli"},
     {"__init__", "__main__"},
 ]
@@ -146,6 +146,7 @@ def loaded_after(statement: str) -> list[str]:
         "import phexfab",
         "import phexfab.cli",
         "import phexfab.pipeline",
+        "import phexfab.scripting, phexfab.selftest",
         "import phexfab as p; [getattr(p, name) for name in getattr(p, '__all__', ())]",
     ],
 )

@@ -175,7 +175,7 @@ def test_a_failed_write_leaves_the_old_folder_whole(delivered, tmp_path, monkeyp
     def broken(*_args, **_kwargs):
         raise OSError("disk full")
 
-    monkeypatch.setattr("phexfab.delivery.write_step", broken)
+    monkeypatch.setattr("phexfab.delivery.formats.write_step", broken)
     with pytest.raises(OSError, match="disk full"):
         built.write(target)
     assert {p: p.read_bytes() for p in target.rglob("*") if p.is_file()} == before

@@ -133,6 +133,20 @@ def _cylinder(cylinder: Cylinder) -> TopoDS_Solid:
     return BRepPrimAPI_MakeCylinder(frame, float(cylinder.radius), float(cylinder.length)).Solid()
 
 
+def solids_in(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
+    """Return the solids inside a shape, in its order."""
+    require("OCP")
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopExp import TopExp_Explorer
+
+    found = []
+    explorer = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    return found
+
+
 def volume(shape: TopoDS_Shape) -> float:
     """Return the signed volume of a shape in mm³, as OpenCASCADE integrates it."""
     require("OCP")

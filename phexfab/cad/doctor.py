@@ -1,4 +1,4 @@
-"""Do the CAD libraries load, and do they fit together? If not: what to type.
+"""Do the CAD libraries load, and do they fit together? If not: the one line to type.
 
 ``cadquery-ocp`` (CadQuery) and ``cadquery-ocp-novtk`` (build123d) unpack into the same ``OCP``
 folder, so the one installed last wins; and every flavour needs a few system libraries. Both go
@@ -7,11 +7,17 @@ wrong with messages that name neither cause nor cure.
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import json
 import os
+import platform
 import re
+import shlex
+import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -26,13 +32,10 @@ SYSTEM_PACKAGES = {
     "libXrender.so.1": "libxrender1",
     "libfontconfig.so.1": "libfontconfig1",
 }
-"""Debian's package for each system library that the wheels load."""
-
-REINSTALL = 'python -m pip install --upgrade "cadquery>=2.8" "build123d>=0.12,<0.13"'
-"""Resolves all three in one command, the only order-safe way."""
-
-UNTANGLE = f'{REINSTALL} && python -m pip install --force-reinstall --no-deps "cadquery-ocp<8"'
-"""For two versions over each other: removing one of them takes files of the other along."""
+"""Debian's package for each system library that a wheel may ask for."""
+NEEDED = ("libGL.so.1", "libX11.so.6", "libexpat.so.1")
+"""What the wheels of today load, on Linux; on macOS and Windows they bring all along."""
+PYTHON = (3, 11)
 
 # What importing proves; the kernel's own package imports even when half of it was overwritten.
 _PROBES = {"OCP": "OCP.BRepPrimAPI", "cadquery": "cadquery", "build123d": "build123d"}
@@ -47,12 +50,13 @@ class Finding:
     Attributes
     ----------
     name : str
-        ``OCP``, ``cadquery``, ``build123d`` or ``wheels``.
+        ``python``, ``wheels``, ``OCP``, ``cadquery``, ``build123d``, ``system libraries``,
+        ``self-test``.
     ok : bool
     detail : str
-        The version, or what is wrong.
+        The version or the figures, or what is wrong.
     remedy : str
-        What to do, "" when nothing needs doing.
+        What to type, "" when nothing needs doing.
     """
 
     name: str
@@ -68,29 +72,50 @@ def _version(distribution: str) -> str:
         return ""
 
 
+def _pip() -> str:
+    """Return how this Python's pip is called from the shell: by a path where ``python`` is none."""
+    found = shutil.which("python")
+    same = found is not None and Path(found) == Path(sys.executable)
+    return f"{'python' if same else shlex.quote(sys.executable)} -m pip"
+
+
+def reinstall() -> str:
+    """Return the command that resolves both CAD libraries at once, the only order-safe way."""
+    return f'{_pip()} install --upgrade "cadquery>=2.8" "build123d>=0.12,<0.13"'
+
+
+def untangle() -> str:
+    """Return the line for two versions over each other: to remove one takes the other's files."""
+    kernel = f'{_pip()} install --force-reinstall --no-deps "cadquery-ocp<8"'
+    return f"{reinstall()} && {kernel}"
+
+
 def force_reinstall() -> str:
     """Return the command that puts CadQuery's flavour of OCP back on top, at its version."""
     version = _version("cadquery-ocp") or _version("cadquery-ocp-novtk")
     pin = f"=={version}" if version else ""
-    return f'python -m pip install --force-reinstall --no-deps "cadquery-ocp{pin}"'
+    return f'{_pip()} install --force-reinstall --no-deps "cadquery-ocp{pin}"'
+
+
+def install_system(files: Sequence[str]) -> str:
+    """Return how to install system libraries: a command where the system is Debian's kind."""
+    packages = [SYSTEM_PACKAGES.get(file, "") for file in files]
+    if all(packages) and shutil.which("apt-get"):
+        return f"apt-get install -y {' '.join(packages)}"
+    return f"install the packages of this system that hold {' '.join(files)}"
 
 
 def remedy_for(library: str, message: str) -> str:
     """Return what to do about an import of ``library`` that failed with ``message``."""
     missing = _MISSING_FILE.search(message)
     if missing:
-        file = missing.group(1)
-        package = SYSTEM_PACKAGES.get(file)
-        install = f"apt-get install {package}" if package else f"the package that holds {file}"
-        return f"install a system library: {install}"
+        return install_system([missing.group(1)])
     wheels = {name: _version(name) for name in _WHEELS[:2]}
     if not any(wheels.values()) or not _version("cadquery" if library == "OCP" else library):
-        return REINSTALL
+        return reinstall()
     if len(set(filter(None, wheels.values()))) > 1:
-        return f"{UNTANGLE} (two versions of OCP lie over each other)"
-    if wheels["cadquery-ocp"]:
-        return f"{force_reinstall()} (the two flavours of OCP share a folder; the last one wins)"
-    return REINSTALL
+        return untangle()
+    return force_reinstall() if wheels["cadquery-ocp"] else reinstall()
 
 
 def require(library: str) -> ModuleType:
@@ -112,13 +137,12 @@ def require(library: str) -> ModuleType:
     return sys.modules[library]
 
 
-def _probe(library: str, timeout: float) -> Finding:
-    """Import a library in another process, which may crash without taking this one along."""
-    code = f"import {_PROBES[library]}, {library}; print({library}.__version__)"
+def _run(arguments: Sequence[str], timeout: float) -> subprocess.CompletedProcess[str] | None:
+    """Run Python in another process, which may crash without taking this one; None if it hangs."""
     environment = {**os.environ, "PYTHONFAULTHANDLER": "0"}
     try:
-        run = subprocess.run(
-            [sys.executable, "-c", code],
+        return subprocess.run(
+            [sys.executable, *arguments],
             capture_output=True,
             text=True,
             timeout=timeout,
@@ -126,14 +150,60 @@ def _probe(library: str, timeout: float) -> Finding:
             check=False,
         )
     except subprocess.TimeoutExpired:
+        return None
+
+
+def _failure(run: subprocess.CompletedProcess[str]) -> str:
+    if run.returncode < 0:
+        return f"crashes (signal {-run.returncode})"
+    return (run.stderr.strip().splitlines() or ["fails without a message"])[-1]
+
+
+def _probe(library: str, timeout: float) -> Finding:
+    code = f"import {_PROBES[library]}, {library}; print({library}.__version__)"
+    run = _run(["-c", code], timeout)
+    if run is None:
         return Finding(library, False, f"did not load within {timeout:g} s", force_reinstall())
     if run.returncode == 0:
         return Finding(library, True, run.stdout.strip().splitlines()[-1])
-    if run.returncode < 0:
-        detail = f"crashes on import (signal {-run.returncode})"
-    else:
-        detail = (run.stderr.strip().splitlines() or ["fails without a message"])[-1]
-    return Finding(library, False, detail, remedy_for(library, run.stderr))
+    return Finding(library, False, _failure(run), remedy_for(library, run.stderr))
+
+
+def _check_python() -> Finding:
+    detail = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
+    detail = f"{detail}, {sys.executable}"
+    if sys.version_info[:2] >= PYTHON:
+        return Finding("python", True, detail)
+    wanted = ".".join(map(str, PYTHON))
+    return Finding("python", False, detail, f"install Python {wanted} or newer")
+
+
+def _loads(file: str) -> bool:
+    try:
+        ctypes.CDLL(file)
+    except OSError:
+        return False
+    return True
+
+
+def _check_system() -> Finding:
+    if platform.system() != "Linux":
+        return Finding("system libraries", True, "all come with the wheels")
+    missing = [file for file in NEEDED if not _loads(file)]
+    if missing:
+        detail = f"missing: {', '.join(missing)}"
+        return Finding("system libraries", False, detail, install_system(missing))
+    return Finding("system libraries", True, ", ".join(NEEDED))
+
+
+def _self_test(timeout: float) -> Finding:
+    """Build something small for real; what fails there has a finding with a remedy above."""
+    run = _run(["-m", "phexfab.selftest"], timeout)
+    if run is None:
+        return Finding("self-test", False, f"did not end within {timeout:g} s")
+    if run.returncode != 0:
+        return Finding("self-test", False, _failure(run))
+    return Finding("self-test", True, json.loads(run.stdout.splitlines()[-1]))
 
 
 def _overwritten(distribution: str) -> bool:
@@ -151,11 +221,11 @@ def _check_wheels() -> Finding:
     detail = ", ".join(f"{name} {version}" for name, version in present.items()) or "none"
     flavours = [wheels[name] for name in _WHEELS[:2] if wheels[name]]
     if not flavours:
-        return Finding("wheels", False, "no OCP wheel is installed", REINSTALL)
+        return Finding("wheels", False, "no OCP wheel is installed", reinstall())
     if len(set(flavours)) > 1:
-        return Finding("wheels", False, f"{detail}: two versions in one folder", UNTANGLE)
+        return Finding("wheels", False, f"{detail}: two versions in one folder", untangle())
     if _version("cadquery") and not wheels["cadquery-ocp"]:
-        return Finding("wheels", False, f"{detail}: CadQuery needs cadquery-ocp", REINSTALL)
+        return Finding("wheels", False, f"{detail}: CadQuery needs cadquery-ocp", reinstall())
     if wheels["cadquery-ocp"] and _overwritten("cadquery-ocp"):
         detail = f"{detail}: cadquery-ocp is overwritten by the other flavour"
         return Finding("wheels", False, detail, force_reinstall())
@@ -163,19 +233,47 @@ def _check_wheels() -> Finding:
 
 
 def doctor(timeout: float = 180.0) -> list[Finding]:
-    """Look at the CAD libraries from outside and say how to repair what is broken.
+    """Look at Python, the CAD libraries and the system, and say how to repair what is broken.
 
-    Takes some ten seconds: each library is imported in a process of its own, so that a crash or a
-    clash shows as a finding. Nothing is changed.
+    Takes some ten to twenty seconds: each library is imported in a process of its own, so that a
+    crash or a clash shows as a finding, and a small shell is built in another. Nothing is changed.
 
     Parameters
     ----------
     timeout : float
-        Seconds that one import may take.
+        Seconds that one import, or the self-test, may take.
 
     Returns
     -------
     list of Finding
-        The wheels, then OCP, cadquery and build123d.
+        Python, the wheels, OCP, cadquery, build123d, the system libraries, the self-test.
     """
-    return [_check_wheels(), *(_probe(library, timeout) for library in _PROBES)]
+    return [
+        _check_python(),
+        _check_wheels(),
+        *(_probe(library, timeout) for library in _PROBES),
+        _check_system(),
+        _self_test(timeout),
+    ]
+
+
+def repair(findings: Sequence[Finding]) -> str:
+    """Return the one line that repairs all that was found, "" where nothing needs doing.
+
+    A clash of the wheels is the cause of whatever the libraries say, and a missing system library
+    of what asks for it, so these come first, and alone for what they explain.
+    """
+    bad = {finding.name: finding.remedy for finding in findings if finding.remedy}
+    explained = set()
+    if "wheels" in bad:
+        explained |= set(_PROBES)
+    if "system libraries" in bad:
+        whole = bad["system libraries"].split()
+        explained |= {
+            name
+            for name, text in bad.items()
+            if name in _PROBES and set(text.split()) <= set(whole)
+        }
+    order = sorted(bad, key=lambda name: name not in ("python", "system libraries"))
+    lines = dict.fromkeys(bad[name] for name in order if name not in explained)
+    return " && ".join(lines)

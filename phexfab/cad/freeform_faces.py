@@ -128,7 +128,7 @@ def faces_of(thing: Any) -> list[TopoDS_Face]:
     for shape in _shapes(thing):
         explorer = TopExp_Explorer(shape, TopAbs_FACE)
         while explorer.More():
-            face = TopoDS.Face_s(explorer.Current())
+            face = TopoDS.Face(explorer.Current())
             if not any(face.IsSame(other) for other in found):
                 found.append(face)
             explorer.Next()
@@ -162,7 +162,7 @@ def _surface(face: TopoDS_Face, name: str) -> ParametricSurface:
     from OCP.TopAbs import TopAbs_REVERSED
     from OCP.TopoDS import TopoDS
 
-    converted = TopoDS.Face_s(BRepBuilderAPI_NurbsConvert(face, True).Shape())
+    converted = TopoDS.Face(BRepBuilderAPI_NurbsConvert(face, True).Shape())
     bounds = tuple(float(b) for b in BRepTools.UVBounds_s(converted))
     geometry = BRep_Tool.Surface_s(converted)
     if isinstance(geometry, Geom_RectangularTrimmedSurface):

@@ -34,12 +34,12 @@ def outline_of(face: TopoDS_Face) -> BaseGeometry | None:
     from OCP.TopExp import TopExp_Explorer
     from OCP.TopoDS import TopoDS
 
-    converted = TopoDS.Face_s(BRepBuilderAPI_NurbsConvert(face, True).Shape())
+    converted = TopoDS.Face(BRepBuilderAPI_NurbsConvert(face, True).Shape())
     u0, u1, v0, v1 = (float(b) for b in BRepTools.UVBounds_s(converted))
     loops: list[FloatArray] = []
     wires = TopExp_Explorer(converted, TopAbs_WIRE)
     while wires.More():
-        edges = BRepTools_WireExplorer(TopoDS.Wire_s(wires.Current()), converted)
+        edges = BRepTools_WireExplorer(TopoDS.Wire(wires.Current()), converted)
         parts: list[FloatArray] = []
         while edges.More():
             edge = edges.Current()

@@ -115,7 +115,7 @@ def rims_of(
         points = thing * unit_factor(unit or "mm", name)
         rim = Rim.through(points, corner_points(points, corner_angle).tolist(), name)
         return checked([rim], unit or "mm", name, smooth)
-    shapes = _shapes(thing)
+    shapes = shapes_in(thing)
     if not shapes:
         raise DesignError(
             f"{name}: {type(thing).__name__} holds no edges; give a wire, edges, or a face"
@@ -140,8 +140,8 @@ def _of_shapes(
     return checked(rims, unit, name, smooth)
 
 
-def _shapes(thing: Any) -> list[Any]:
-    """The OpenCASCADE shapes inside; none for what holds none."""
+def shapes_in(thing: Any) -> list[Any]:
+    """Return the OpenCASCADE shapes inside a CAD object; none for what holds none."""
     require("OCP")
     from OCP.TopoDS import TopoDS_Shape
 
@@ -149,14 +149,14 @@ def _shapes(thing: Any) -> list[Any]:
         return [] if thing.IsNull() else [thing]
     wrapped = getattr(thing, "wrapped", None)
     if isinstance(wrapped, TopoDS_Shape):
-        return _shapes(wrapped)
+        return shapes_in(wrapped)
     if hasattr(thing, "vals") and hasattr(thing, "ctx"):  # a CadQuery Workplane
-        found = [shape for value in thing.vals() for shape in _shapes(value)]
+        found = [shape for value in thing.vals() for shape in shapes_in(value)]
         pending = [*thing.ctx.pendingWires, *thing.ctx.pendingEdges]
-        return found or [shape for value in pending for shape in _shapes(value)]
+        return found or [shape for value in pending for shape in shapes_in(value)]
     for builder in ("line", "sketch"):  # build123d's BuildLine and BuildSketch
         if getattr(thing, builder, None) is not None:
-            return _shapes(getattr(thing, builder))
+            return shapes_in(getattr(thing, builder))
     if isinstance(thing, Iterable) and not isinstance(thing, str | bytes):
-        return [shape for value in thing for shape in _shapes(value)]
+        return [shape for value in thing for shape in shapes_in(value)]
     return []

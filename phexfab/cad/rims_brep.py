@@ -112,10 +112,10 @@ def shape_strands(shapes: Iterable[TopoDS_Shape], what: str) -> tuple[list[Stran
 
     for shape in shapes:
         for edge in each(shape, TopAbs_EDGE):
-            number(TopoDS.Edge_s(edge))
+            number(TopoDS.Edge(edge))
         for face in each(shape, TopAbs_FACE):
             for edge in each(face, TopAbs_EDGE):
-                uses[number(TopoDS.Edge_s(edge))] += 1
+                uses[number(TopoDS.Edge(edge))] += 1
     # Degenerated edges, such as a sphere's poles, are points.
     solid = [k for k, edge in enumerate(edges) if not BRep_Tool.Degenerated_s(edge)]
     chosen = [k for k in solid if uses[k] == 0] or [k for k in solid if uses[k] == 1]
@@ -126,7 +126,7 @@ def shape_strands(shapes: Iterable[TopoDS_Shape], what: str) -> tuple[list[Stran
     loosest = 0.0
     for k in chosen:
         for vertex in each(edges[k], TopAbs_VERTEX):
-            loosest = max(loosest, BRep_Tool.Tolerance_s(TopoDS.Vertex_s(vertex)))
+            loosest = max(loosest, BRep_Tool.Tolerance_s(TopoDS.Vertex(vertex)))
         pieces = edge_pieces(edges[k])
         for part, piece in enumerate(pieces, 1):
             span = "" if len(pieces) == 1 else f", span {part}"

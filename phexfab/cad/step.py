@@ -1,17 +1,16 @@
-"""STEP straight from the arrays: every part a product, named, coloured and grouped.
+"""STEP straight from the arrays: every part a product, named, coloured, layered and grouped.
 
 The faces, edges and corners of the parts are known, so no kernel is needed to write them: the
 file is the arrays spelled out, one text template per topology. The schema is AP214 (automotive
-design): solids, assemblies, names and colours are all in it, and every reader of the last
-twenty-five years takes it, while older workshop software refuses AP242, whose additions
-(tolerances, validation properties) this file does not use.
+design) unless AP242 is asked for: solids, assemblies, names, colours and layers are the same in
+both, and every reader of the last twenty-five years takes the older.
 
 Coordinates are those of the shell: all placements are identities, so what touches in the arrays
 touches in the file.
 
 References
 ----------
-ISO 10303-21 (the text), -214 (the schema).
+ISO 10303-21 (the text), -214 and -242 (the schemas).
 """
 
 from __future__ import annotations
@@ -27,7 +26,16 @@ from numpy.typing import NDArray
 
 from phexfab.cad.faceted import batches
 from phexfab.cad.part21 import Run, quote, references
-from phexfab.cad.step_runs import FREE, PREAMBLE, assembly, cylinder, polyhedron
+from phexfab.cad.step_runs import (
+    FREE,
+    SCHEMAS,
+    SOLID,
+    STYLED,
+    assembly,
+    cylinder,
+    polyhedron,
+    preamble,
+)
 from phexfab.cad.tree import Family, families
 from phexfab.errors import DesignError, PartError
 from phexfab.fabrication.parts import Cylinder, Parts, Solid
@@ -70,6 +78,7 @@ class StepHeader:
         The originating system; name the version here if it should show.
     timestamp : str, optional
         ISO 8601. By default SOURCE_DATE_EPOCH, else 1970: the same parts give the same bytes.
+    schema : {"AP214", "AP242"}
     """
 
     name: str = "shell"
@@ -78,6 +87,7 @@ class StepHeader:
     organisation: str = ""
     system: str = "phexfab"
     timestamp: str | None = None
+    schema: str = "AP214"
 
 
 def _cylinder_values(cylinders: Sequence[Cylinder], marks: Sequence[str]) -> FloatArray:
@@ -126,7 +136,7 @@ def _runs(
 def _write_members(
     family: Family, parent: int, style: int, first: int
 ) -> Iterator[tuple[str, int, list[int], list[int]]]:
-    """Yield text, the next free number, and the numbers of products and styled items, by chunks."""
+    """Yield text, the next free number, and the first and last numbers of parts, by chunks."""
     for begin in range(0, len(family.members), _CHUNK):
         members = family.members[begin : begin + _CHUNK]
         runs = list(_runs(members, parent, style))
@@ -143,7 +153,7 @@ def _write_members(
             ):
                 texts[i] = text
         first = int(ends[-1])
-        yield "".join(texts), first, starts.tolist(), (ends - 1).tolist()
+        yield "".join(texts), first, starts.tolist(), ends.tolist()
 
 
 def _single(run: Run, first: int, name: str) -> str:
@@ -153,6 +163,9 @@ def _single(run: Run, first: int, name: str) -> str:
 def step_text(parts: Parts, header: StepHeader | None = None) -> Iterator[str]:
     """Yield the text of a STEP file piece by piece; see ``write_step``."""
     header = header or StepHeader()
+    if header.schema not in SCHEMAS:
+        raise DesignError(f"STEP schema {header.schema!r}: choose one of {', '.join(SCHEMAS)}")
+    schema = SCHEMAS[header.schema]
     tree = families(parts)
     stamp = default_timestamp() if header.timestamp is None else header.timestamp
     yield (
@@ -160,9 +173,9 @@ def step_text(parts: Parts, header: StepHeader | None = None) -> Iterator[str]:
         f"FILE_DESCRIPTION(({quote(header.description)}),'2;1');\n"
         f"FILE_NAME({quote(header.name)},{quote(stamp)},({quote(header.author)}),\n"
         f"({quote(header.organisation)}),{quote(header.system)},{quote(header.system)},'');\n"
-        "FILE_SCHEMA(('AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }'));\nENDSEC;\nDATA;\n"
+        f"FILE_SCHEMA(('{schema.header}'));\nENDSEC;\nDATA;\n"
     )
-    yield PREAMBLE
+    yield preamble(schema)
     root = FREE
     run = assembly(None)
     products, styled = [root], []
@@ -184,11 +197,16 @@ def step_text(parts: Parts, header: StepHeader | None = None) -> Iterator[str]:
             f"#{style + 6}=COLOUR_RGB({quote(family.name)},{colour});\n"
         )
         free = style + 7
-        for text, end, starts, styles in _write_members(family, parent, style, free):
+        solids: list[int] = []
+        for text, end, starts, ends in _write_members(family, parent, style, free):
             yield text
             free = end
             products += starts
-            styled += styles
+            styled += [end + STYLED for end in ends]
+            solids += [end + SOLID for end in ends]
+        layer = f"{quote(family.name)},'',{references(solids)}"
+        yield f"#{free}=PRESENTATION_LAYER_ASSIGNMENT({layer});\n"
+        free += 1
     yield f"#{free}=PRODUCT_RELATED_PRODUCT_CATEGORY('part','',{references(products)});\n"
     yield (
         f"#{free + 1}=MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',"
@@ -200,7 +218,8 @@ def write_step(parts: Parts, path: str | Path, header: StepHeader | None = None)
     """Write panels, beams and nodes as a STEP assembly, without a CAD kernel.
 
     The tree is ``header.name`` → ``panels``, ``beams``, ``nodes`` → the parts. A part's mark is the
-    name of its product, of its instance and of its ``MANIFOLD_SOLID_BREP``. Lengths are in mm.
+    name of its product, of its instance and of its ``MANIFOLD_SOLID_BREP``; its family is its
+    layer. Lengths are in mm.
 
     Parameters
     ----------
@@ -218,10 +237,12 @@ def write_step(parts: Parts, path: str | Path, header: StepHeader | None = None)
     ------
     PartError
         If a solid is open, warped or inside out, or marks are not unique; nothing is written.
+    DesignError
+        If the schema is unknown.
 
     References
     ----------
-    ISO 10303-214; thesis ch. 1 (panels, beams and nodes of a shell).
+    ISO 10303-214, -242; thesis ch. 1 (panels, beams and nodes of a shell).
     """
     with whole(path) as draft, open(draft, "w", encoding="ascii", newline="\n") as file:
         file.writelines(step_text(parts, header))

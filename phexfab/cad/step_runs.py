@@ -6,20 +6,52 @@ solids without sewing.
 
 References
 ----------
-ISO 10303-42 (geometry, topology), -44 (product structure), -46 (colours), -214 (schema).
+ISO 10303-42 (geometry, topology), -44 (product structure), -46 (colours, layers), -214 and -242
+(schemas).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from phexfab.cad.faceted import TOLERANCE, Topology
 from phexfab.cad.part21 import Real, Ref, Run
 
+
+@dataclass(frozen=True)
+class Schema:
+    """An application protocol: what the header and the application context say."""
+
+    header: str
+    context: str
+    protocol: str
+    year: int
+
+
+SCHEMAS = {
+    "AP214": Schema(
+        "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }",
+        "core data for automotive mechanical design processes",
+        "automotive_design",
+        2000,
+    ),
+    "AP242": Schema(
+        "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }",
+        "managed model based 3d engineering",
+        "ap242_managed_model_based_3d_engineering",
+        2014,
+    ),
+}
+
 # Entities that every file begins with. Their numbers are used by name below.
 _CONTEXT = 1
 _AP_CONTEXT, _PRODUCT_CONTEXT, _DESIGN_CONTEXT, _ORIGIN, _Z, _X = 6, 7, 8, 9, 10, 11
-PREAMBLE = f"""\
+
+
+def preamble(schema: Schema) -> str:
+    """Return the entities that every file begins with: units, contexts, axes."""
+    return f"""\
 #1=(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT((#5))\
 GLOBAL_UNIT_ASSIGNED_CONTEXT((#2,#3,#4))REPRESENTATION_CONTEXT('','3D'));
 #2=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));
@@ -27,18 +59,23 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#2,#3,#4))REPRESENTATION_CONTEXT('','3D'));
 #4=(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT());
 #5=UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE({TOLERANCE:.1E}),#2,\
 'distance_accuracy_value','largest distance of an edge from its faces');
-#6=APPLICATION_CONTEXT('core data for automotive mechanical design processes');
+#6=APPLICATION_CONTEXT('{schema.context}');
 #7=PRODUCT_CONTEXT('',#6,'mechanical');
 #8=PRODUCT_DEFINITION_CONTEXT('part definition',#6,'design');
 #9=CARTESIAN_POINT('',(0.,0.,0.));
 #10=DIRECTION('',(0.,0.,1.));
 #11=DIRECTION('',(1.,0.,0.));
-#12=APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000,#6);
+#12=APPLICATION_PROTOCOL_DEFINITION('international standard','{schema.protocol}',{schema.year},#6);
 """
+
+
 FREE = 13
 
 # Offsets from a product's first entity, in the order of _add_product.
 _PRODUCT, _DEFINITION, _SHAPE, _PLACEMENT = 0, 2, 3, 4
+
+# Offsets back from the end of a part's run, in the order of _finish_part.
+STYLED, SOLID = -1, -9
 
 
 def _add_product(run: Run) -> None:
@@ -92,7 +129,7 @@ def _finish_part(run: Run, faces: Sequence[Ref], parent: int, style: int) -> Non
     )
     run.add("SHAPE_DEFINITION_REPRESENTATION(%s,%s)", Ref(_SHAPE), shape)
     _add_instance(run, shape, parent)
-    run.add(f"STYLED_ITEM('',(#{style}),%s)", solid)  # last: step.py counts on it
+    run.add(f"STYLED_ITEM('',(#{style}),%s)", solid)
 
 
 def _add_loop(run: Run, sides: Sequence[tuple[Ref, bool]], bound: str) -> Ref:

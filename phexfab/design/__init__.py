@@ -11,13 +11,13 @@ from phexfab.design.model import (
     Nesting,
     Nodes,
     Offset,
-    Output,
     Panels,
     Project,
     Sheets,
     StockSheet,
     Surface,
 )
+from phexfab.design.output import Output
 from phexfab.design.units import quantity
 
 __all__ = [

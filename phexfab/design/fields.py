@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import datetime
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    WithJsonSchema,
+)
 
-from phexfab.design.units import quantity
+from phexfab.design.units import UNITS, quantity
 from phexfab.errors import DesignError
 from phexfab.triangular import EQUILATERAL
 
@@ -18,8 +26,40 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
+def otherwise(words: str) -> dict[str, Any]:
+    """Say in words what holds where a key is left out, for the manual and for editors."""
+    return {"x-default": words}
+
+
 def _of_kind(kind: str) -> BeforeValidator:
     return BeforeValidator(lambda value: quantity(value, kind))
+
+
+@dataclass(frozen=True)
+class _Written:
+    """How a quantity may be written, for the JSON Schema: a number, or text with a unit."""
+
+    kind: str
+
+    def __get_pydantic_json_schema__(
+        self, core: Any, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        number = dict(handler(core))
+        # Pydantic leaves limits that stand outside the function that reads units as they are.
+        for ours, theirs in _BOUNDS.items():
+            if ours in number:
+                number[theirs] = number.pop(ours)
+        units = "|".join(UNITS[self.kind])
+        if not units:
+            return number
+        low = number.get("minimum", number.get("exclusiveMinimum", -1))
+        sign = "[+]?" if low >= 0 else "[+-]?"
+        digits = r"([0-9][0-9_]*\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?"
+        text = {"type": "string", "pattern": rf"^\s*{sign}{digits}\s*({units})?\s*$"}
+        return {"anyOf": [number, text], "x-unit": next(iter(UNITS[self.kind]))}
+
+
+_BOUNDS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}
 
 
 def _row_ratio(value: object) -> object:
@@ -82,20 +122,38 @@ def _is_loop(value: object) -> bool:
     )
 
 
-Length = Annotated[float, _of_kind("length")]
-Positive = Annotated[float, _of_kind("length"), Field(gt=0)]
-Ratio = Annotated[float, _of_kind("number"), Field(ge=0)]
-Degrees = Annotated[float, _of_kind("angle"), Field(ge=0)]
-Mass = Annotated[float, _of_kind("mass"), Field(ge=0)]
-Distance = Annotated[float, _of_kind("length"), Field(ge=0)]
-Angle = Annotated[float, _of_kind("angle")]
-Density = Annotated[float, _of_kind("density"), Field(gt=0)]
-Seconds = Annotated[float, _of_kind("time"), Field(gt=0)]
+_POINTS = {
+    "type": "array",
+    "items": {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
+    "minItems": 1,
+}
+Length = Annotated[float, _of_kind("length"), _Written("length")]
+Positive = Annotated[float, _of_kind("length"), Field(gt=0), _Written("length")]
+Ratio = Annotated[float, _of_kind("number"), Field(ge=0), _Written("number")]
+Degrees = Annotated[float, _of_kind("angle"), Field(ge=0), _Written("angle")]
+Mass = Annotated[float, _of_kind("mass"), Field(ge=0), _Written("mass")]
+Distance = Annotated[float, _of_kind("length"), Field(ge=0), _Written("length")]
+Angle = Annotated[float, _of_kind("angle"), _Written("angle")]
+Density = Annotated[float, _of_kind("density"), Field(gt=0), _Written("density")]
+Seconds = Annotated[float, _of_kind("time"), Field(gt=0), _Written("time")]
 Pair = Annotated[tuple[float, float], BeforeValidator(_pair)]
 Range = Annotated[tuple[float, float] | Literal["closed"] | None, BeforeValidator(_range)]
-Share = Annotated[float, _of_kind("number"), Field(ge=0, le=1)]
+Share = Annotated[float, _of_kind("number"), Field(ge=0, le=1), _Written("number")]
 Point = tuple[float, float, float]
-Rims = Annotated[tuple[str, ...] | tuple[tuple[Point, ...], ...] | None, BeforeValidator(_rims)]
+Rims = Annotated[
+    tuple[str, ...] | tuple[tuple[Point, ...], ...] | None,
+    BeforeValidator(_rims),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {"type": "array", "items": {"type": "string"}, "minItems": 1},
+                _POINTS,
+                {"type": "array", "items": _POINTS, "minItems": 1},
+            ]
+        }
+    ),
+]
 LengthUnit = Literal["mm", "cm", "m", "um", "in", "ft"]
-RowRatio = Annotated[float, BeforeValidator(_row_ratio), Field(gt=0.5)]
+RowRatio = Annotated[float, BeforeValidator(_row_ratio), Field(gt=0.5), _Written("number")]
 Date = Annotated[datetime.date | None, BeforeValidator(_iso_date)]

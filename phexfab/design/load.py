@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from phexfab.design.messages import message, problems
+from phexfab.design.messages import located, message, problems
 from phexfab.design.model import Design, Section
 from phexfab.design.rules import Problem, broken_rules
 from phexfab.errors import DesignError
@@ -29,6 +29,14 @@ def load_design(path: str | os.PathLike[str]) -> Design:
     DesignError
         If the file cannot be read or asks for something impossible; the message names the file
         and, for every mistake in it, the key, the value and the remedy.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.load_design("canopy.tml")
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.DesignError: canopy.tml: there is no such file; check the path
     """
     source = os.fspath(path)
     try:
@@ -62,11 +70,30 @@ def parse_design(text: str, source: str = "design") -> Design:
     ------
     DesignError
         See ``load_design``; a mistake in the TOML itself is reported with its line.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> text = '''
+    ... [surface]
+    ... name = "enneper"
+    ... scale = "3 m"
+    ... [lattice]
+    ... panel_size = "50 cm"
+    ... '''
+    >>> px.parse_design(text).lattice.panel_size  # mm
+    500.0
+    >>> px.parse_design(text.replace("cm", "kg"), source="canopy.toml")
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.DesignError: canopy.toml: one thing is wrong
+      lattice.panel_size = "50 kg" (line 6): "50 kg" is a mass, but a length is needed; write 600
+      or "0.6 m"
     """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise DesignError(_syntax_message(source, text, str(error))) from None
+        raise _no_toml(source, text, str(error)) from None
     return make_design(data, source=source, text=text)
 
 
@@ -83,6 +110,14 @@ def make_design(data: Mapping[str, Any], source: str = "design", text: str = "")
     ------
     DesignError
         See ``load_design``.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = {"name": "enneper", "scale": "3 m"}
+    >>> design = px.make_design({"surface": film, "lattice": {"panel_size": 500}})
+    >>> design.surface.scale, design.offset.type  # mm; a default
+    (3000.0, 'edge')
     """
     try:
         return Design.model_validate(dict(data)).read_from(source, text)
@@ -90,7 +125,8 @@ def make_design(data: Mapping[str, Any], source: str = "design", text: str = "")
         found = problems(error, Design)
         # Where whole tables are wrong pydantic never came to the rules: run those it can.
         found += [p for p in _rules_of_good_tables(data) if p not in found]
-        raise DesignError(message(source, _unique(found), data, text)) from None
+        wrong = located(_unique(found), data, text)
+        raise DesignError(message(source, wrong), wrong) from None
 
 
 def _rules_of_good_tables(data: Mapping[str, Any]) -> list[Problem]:
@@ -117,11 +153,14 @@ def _unique(found: list[Problem]) -> list[Problem]:
     return list(by_key.values())
 
 
-def _syntax_message(source: str, text: str, detail: str) -> str:
+def _no_toml(source: str, text: str, detail: str) -> DesignError:
     at = re.search(r"\(at line (\d+), column (\d+)\)", detail)
     lines = text.splitlines()
     number = int(at[1]) if at else len(lines)
     shown = lines[number - 1].strip() if 0 < number <= len(lines) else ""
     reason = re.sub(r"\s*\(at [^)]*\)", "", detail)
     hint = 'text and numbers with a unit stand in quotes, for example thickness = "8 mm"'
-    return f"{source}: line {number} is not TOML: {reason}\n  {shown}\n  {hint}"
+    return DesignError(
+        f"{source}: line {number} is not TOML: {reason}\n  {shown}\n  {hint}",
+        [Problem("", f"not TOML: {reason}", hint, shown, number)],
+    )

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from phexfab.design.fields import Distance, Point, Ratio, Section
+from phexfab.design.fields import Distance, Point, Ratio, Section, otherwise
 from phexfab.design.units import quantity
 from phexfab.errors import DesignError
 
@@ -32,50 +32,59 @@ class Mesh(Section):
 
     method: Method | None = Field(
         default=None,
-        description="how planar hexagons are found on surface.step or surface.mesh",
+        description="how planar hexagons are found on `surface.step` or `surface.mesh`",
         examples=['"dupin"', '"planarise"'],
     )
     conjugation: Literal["pre-specified", "progressive"] = Field(
         default="pre-specified",
-        description="with dupin or tangent: rows follow a smooth field, or what ideal triangles "
-        "make of them",
+        description="with `dupin`, `tangent`: `pre-specified`: rows of panels follow a smooth "
+        "field of "
+        "directions; `progressive`: each row is what ideal triangles on the row before make of it",
         examples=['"pre-specified"', '"progressive"'],
     )
     toward: Place = Field(
         default=None,
-        description="with dupin, tangent or conjugate: direction that rows take where the "
-        "curvature leaves it open",
+        description="with `dupin`, `tangent`, `conjugate`: the direction [x, y, z] that rows take "
+        "where "
+        "the curvature leaves it open",
         examples=["[1, 0, 0]"],
+        json_schema_extra=otherwise("the surface's lines of u"),
     )
     crossing: Literal["refuse", "drop"] = Field(
         default="refuse",
-        description="with dupin, tangent or conjugate: what becomes of faces that cross themselves",
+        description="with `dupin`, `tangent`, `conjugate`: a face that crosses itself: `refuse` "
+        "is an "
+        "error that names it, `drop` leaves it out",
         examples=['"refuse"', '"drop"'],
     )
     closeness: Ratio = Field(
         default=0.0,
-        description="with dupin or conjugate: cost of a square distance from the surface over a "
+        description="with `dupin`, `conjugate`: what a square distance from the surface costs, "
+        "over a "
         "square motion along it",
         examples=["1"],
     )
     border: Literal["keep", "drop"] = Field(
         default="keep",
-        description="with planarise, dupin or conjugate: the outermost faces are panels, or are "
-        "left out",
+        description="with `planarise`, `dupin`, `conjugate`: `keep`: the outermost faces are "
+        "panels, and "
+        "the few border edges that one plane cuts are brought into it; `drop`: they are left out",
         examples=['"keep"', '"drop"'],
     )
     weld: Distance | None = Field(
         default=None,
-        description="with planarise: vertices nearer than this become one",
+        description="with `planarise`: vertices nearer than this become one",
         examples=["0.1"],
+        json_schema_extra=otherwise("1e-5 of an edge"),
     )
     centre: Place = Field(
         default=None,
-        description="with duality: its centre, on no tangent plane of the surface",
+        description="with `duality`: its centre [x, y, z], which lies on no tangent plane",
         examples=["[0, 0, -9000]"],
+        json_schema_extra=otherwise("the least distorting"),
     )
     start: str | None = Field(
         default=None,
-        description="with parallel: file of the planar hexagon mesh whose planes are moved",
+        description="with `parallel`: the file of the planar hexagon mesh whose planes are moved",
         examples=['"hexagons.obj"'],
     )

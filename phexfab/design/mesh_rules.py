@@ -23,6 +23,7 @@ METHODS: dict[str, tuple[str, ...]] = {  # keys that mean something with some me
     "lattice.row_ratio": ("duality", "support"),
     "lattice.rows_along": (),
     "lattice.evenness": (),
+    "border.panels": (),
     "border.direction": (),
     "border.sagitta": (),
     "border.sliver": (),

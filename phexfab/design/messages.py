@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -103,18 +104,26 @@ def _suggestion(path: list[str], model: type[BaseModel]) -> str:
     return f"{where} {', '.join(known)}"
 
 
-def message(source: str, found: list[Problem], data: Mapping[str, Any], text: str) -> str:
-    """Return all problems as one message in the order of the file, with value and remedy."""
+def located(found: Iterable[Problem], data: Mapping[str, Any], text: str) -> list[Problem]:
+    """Return problems in the order of the file, with the value and the line of their key."""
     lines = key_lines(text)
     end = len(text.splitlines()) + 1
-    found = sorted(found, key=lambda problem: _line(problem.key, lines) or end)
+    placed = []
+    for problem in sorted(found, key=lambda problem: _line(problem.key, lines) or end):
+        value = lookup(data, problem.key.split("."))
+        if value is not _ABSENT:
+            problem = replace(problem, value=value, line=lines.get(problem.key))
+        placed.append(problem)
+    return placed
+
+
+def message(source: str, found: list[Problem]) -> str:
+    """Return all problems as one message, with value and remedy."""
     count = "one thing is" if len(found) == 1 else f"{len(found)} things are"
     rows = [f"{source}: {count} wrong"]
     for problem in found:
-        value = lookup(data, problem.key.split("."))
-        shown = "" if value is _ABSENT else f" = {toml_value(value)}"
-        line = None if value is _ABSENT else lines.get(problem.key)
-        where = f" (line {line})" if line else ""
+        shown = "" if problem.value is None else f" = {toml_value(problem.value)}"
+        where = f" (line {problem.line})" if problem.line else ""
         rows.append(f"  {problem.key}{shown}{where}: {problem.text}; {problem.remedy}")
     return "\n".join(rows)
 

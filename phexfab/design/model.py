@@ -31,9 +31,11 @@ from phexfab.design.fields import (
     Seconds,
     Section,
     Share,
+    otherwise,
 )
 from phexfab.design.materials import MATERIALS, known_density
 from phexfab.design.mesh_method import Mesh
+from phexfab.design.output import Output
 from phexfab.design.rules import RuleBreach, broken_rules
 from phexfab.design.surface import Border, Surface
 from phexfab.design.units import quantity
@@ -69,7 +71,8 @@ class Project(Section):
     revision: str = Field(default="", description="revision of the design", examples=['"B"'])
     date: Date = Field(
         default=None,
-        description="date of the design; the files carry it, so that a rebuild is the same bytes",
+        description="date of the design; the files carry it, never the day of the build, so that "
+        "the same design gives the same bytes",
         examples=["2026-05-01"],
     )
 
@@ -78,25 +81,30 @@ class Lattice(Section):
     """How the surface is divided into hexagons."""
 
     panel_size: Positive = Field(
-        description="distance between neighbouring panels' centres, in the median",
+        description="distance between neighbouring panels' centres: the median over the surface, "
+        "panels are smaller where it bends more",
         examples=["600", '"0.6 m"'],
     )
     rows_along: Literal["u", "v"] = Field(
         default="v",
-        description="the coordinate that rows of panels follow",
+        description="coordinate that the rows of panels follow",
         examples=['"u"', '"v"'],
     )
     row_ratio: RowRatio = Field(
         default=EQUILATERAL,
-        description="distance of rows / distance of panels in a row, above 0.5",
+        description="distance of rows / distance of panels in a row; 0.866 is equilateral",
         examples=["0.866", "1.1"],
     )
     turn: Angle = Field(
-        default=0.0, description="turn of the rows off the principal direction", examples=["4"]
+        default=0.0,
+        description="angle by which rows are turned off the principal direction; not on films",
+        examples=["4"],
     )
     evenness: Share = Field(
         default=0.0,
-        description="0 keeps the curvature lines, 1 makes panels as even in size as they can be",
+        description="0 keeps the size that the curvature gives, 1 makes panels as even as they "
+        "can be without losing validity; without effect on films of several rims, of meshes and "
+        "on periodic ones, which say so in the report",
         examples=["0", "0.8"],
     )
 
@@ -106,13 +114,15 @@ class Offset(Section):
 
     type: Literal["face", "edge", "vertex"] = Field(
         default="edge",
-        description="constant distance of faces, edges or vertices",
+        description="`face`: distance of face planes (double skins); `edge`: distance of edges "
+        "(beams of one height meet evenly); `vertex`: distance of vertices (connectors of one "
+        "length)",
         examples=['"face"', '"edge"', '"vertex"'],
     )
     distance: Length | None = Field(
         default=None,
-        description="offset that must be free of flipped edges, with its sign; "
-        "the structural depth on the beams' side when left out",
+        description="offset that must be free of flipped edges, positive along the normals",
+        json_schema_extra=otherwise("the structural depth"),
         examples=["-98", '"-9.8 cm"'],
     )
 
@@ -122,18 +132,29 @@ class Panels(_Made):
 
     material: str = Field(default="HPL", description="name for the parts list", examples=['"HPL"'])
     density: Density = Field(
-        default=None, validate_default=True, description="may be left out", examples=["1350"]
+        default=None,
+        validate_default=True,
+        description="may be left out for the materials that are known",
+        examples=["1350"],
+        json_schema_extra=otherwise("the material's"),
     )
     thickness: Positive = Field(default=8.0, description="of the sheet", examples=["8", '"8 mm"'])
-    gap: Distance = Field(default=10.0, description="joint between two panels", examples=["10"])
+    gap: Distance = Field(
+        default=10.0,
+        description="joint between two panels; half a `panel_size` leaves nothing of a median "
+        "panel",
+        examples=["10"],
+    )
     side: Literal["outside", "inside", "centre"] = Field(
         default="outside",
-        description="where the thickness lies: outside is where the normals point",
+        description="where the thickness lies: `outside` is where the face normals point, `inside` "
+        "the other side, `centre` half and half",
         examples=['"outside"', '"inside"'],
     )
     edges: Literal["square", "mitred"] = Field(
         default="square",
-        description="square cuts, or cuts along the planes through the node axes",
+        description="`square` for laser and waterjet; `mitred` along the planes through the node "
+        "axes",
         examples=['"square"', '"mitred"'],
     )
 
@@ -142,22 +163,32 @@ class Beams(_Made):
     """The flat bars that stand on the edges of the shell."""
 
     kind: Literal["flat", "none"] = Field(
-        default="flat", description="flat bars, or no beams", examples=['"flat"', '"none"']
+        default="flat",
+        description="flat bars on every edge, or `none`",
+        examples=['"flat"', '"none"'],
     )
     material: str = Field(
         default="steel S355", description="name for the parts list", examples=['"steel S355"']
     )
     density: Density = Field(
-        default=None, validate_default=True, description="may be left out", examples=["7850"]
+        default=None,
+        validate_default=True,
+        description="may be left out for the materials that are known",
+        examples=["7850"],
+        json_schema_extra=otherwise("the material's"),
     )
     width: Positive = Field(default=10.0, description="thickness of the bar", examples=["10"])
-    height: Positive = Field(default=90.0, description="height of the bar", examples=["90"])
+    height: Positive = Field(
+        default=90.0, description="height of the bar, standing", examples=["90"]
+    )
     seat: Distance = Field(
-        default=0.0, description="least height kept free between beams and panels", examples=["3"]
+        default=0.0,
+        description="least height kept free between beams and panels, for a gasket or cleat",
+        examples=["3"],
     )
     ends: Literal["mitred", "hub"] = Field(
         default="mitred",
-        description="meet in the node axis, or stop before a hub",
+        description="`mitred`: three bars meet in the node axis; `hub`: cut back from a hub",
         examples=['"mitred"', '"hub"'],
     )
 
@@ -166,13 +197,19 @@ class Nodes(_Made):
     """The hubs on the node axes."""
 
     kind: Literal["none", "hub"] = Field(
-        default="none", description="no node parts, or a round hub", examples=['"none"', '"hub"']
+        default="none",
+        description='`hub` puts a round hub on every node axis; beams then need `ends = "hub"`',
+        examples=['"none"', '"hub"'],
     )
     material: str = Field(
         default="steel S355", description="name for the parts list", examples=['"steel S355"']
     )
     density: Density = Field(
-        default=None, validate_default=True, description="may be left out", examples=["7850"]
+        default=None,
+        validate_default=True,
+        description="may be left out for the materials that are known",
+        examples=["7850"],
+        json_schema_extra=otherwise("the material's"),
     )
     radius: Positive = Field(default=30.0, description="of the hub", examples=["30"])
     clearance: Distance = Field(
@@ -183,8 +220,8 @@ class Nodes(_Made):
 class StockSheet(Section):
     """A stock sheet."""
 
-    length: Positive = Field(default=3000.0, description="longer side", examples=["3000", '"3 m"'])
-    width: Positive = Field(default=1500.0, description="shorter side", examples=["1500"])
+    length: Positive = Field(default=3000.0, description="of the sheet", examples=["3000", '"3 m"'])
+    width: Positive = Field(default=1500.0, description="of the sheet", examples=["1500"])
     margin: Distance = Field(
         default=10.0, description="kept free along the border", examples=["10"]
     )
@@ -196,8 +233,12 @@ class StockSheet(Section):
 class Sheets(Section):
     """The stock that panels and beams are cut from."""
 
-    panels: StockSheet = Field(default_factory=StockSheet)
-    beams: StockSheet = Field(default_factory=StockSheet)
+    panels: StockSheet = Field(
+        default_factory=StockSheet, description="The stock that panels are cut from."
+    )
+    beams: StockSheet = Field(
+        default_factory=StockSheet, description="The stock that beams are cut from."
+    )
 
 
 class Nesting(Section):
@@ -205,19 +246,13 @@ class Nesting(Section):
 
     packer: Literal["spyrrow", "shelf"] = Field(
         default="spyrrow",
-        description="spyrrow packs tightly, shelf in a moment",
+        description="`spyrrow` saves material; `shelf` takes a moment (`phexfab build --quick`)",
         examples=['"spyrrow"', '"shelf"'],
     )
-    seconds: Seconds = Field(default=20.0, description="time for each material", examples=["60"])
-    seed: int = Field(default=0, ge=0, description="of the packer's random numbers", examples=["1"])
-
-
-class Output(Section):
-    """What the files look like."""
-
-    dxf_version: Literal["R2010", "R12"] = Field(
-        default="R2010", description="R12 for old machines", examples=['"R2010"', '"R12"']
+    seconds: Seconds = Field(
+        default=20.0, description="most time for each material", examples=["60"]
     )
+    seed: int = Field(default=0, ge=0, description="of the packer's random numbers", examples=["1"])
 
 
 class Design(Section):
@@ -225,10 +260,23 @@ class Design(Section):
 
     Hashable and comparable; ``model_dump()`` gives plain values and ``model_validate`` takes them
     back. ``source`` and ``text`` tell where it was read from and what stood there.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> keys = {"surface": {"name": "catenoid"}, "lattice": {"panel_size": "45 cm"}}
+    >>> design = px.make_design(keys)
+    >>> design.lattice.panel_size, design.panels.thickness, design.offset.type
+    (450.0, 8.0, 'edge')
+    >>> design == px.make_design(keys)
+    True
     """
 
     title: str = Field(
-        default="", description="title of the project", examples=['"Catenoid pavilion"']
+        default="",
+        description="title of the project",
+        examples=['"Catenoid pavilion"'],
+        json_schema_extra=otherwise("the file's name"),
     )
     project: Project = Field(default_factory=Project)
     surface: Surface

@@ -106,7 +106,7 @@ BELONGS = {  # keys of [surface] that mean something with one kind of film only
     "catalog": {"order", "ends"},
     "formula": {"base"},
     "named": {"bonnet_angle", "u", "v", "radius", "centre"},
-    "rim": {"layer", "smooth_corners", "free"},
+    "rim": {"layer", "smooth_corners", "smooth_inward", "free"},
     "periodic": {"cells"},
     "step": {"face"},
 }

@@ -84,6 +84,7 @@ def quantity(value: object, kind: str) -> float:
 
     Examples
     --------
+    >>> from phexfab.design.units import quantity
     >>> quantity("0.8 cm", "length"), quantity(8, "length")
     (8.0, 8.0)
     >>> quantity("8 kg", "length")

@@ -49,6 +49,16 @@ class BeamSpec:
     ------
     DesignError
         If a size or a name is impossible; the message names it.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.BeamSpec(width=10, height=90, material=px.Material("aluminium", 2700.0)).ends
+    'mitred'
+    >>> px.BeamSpec(ends="square")
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.DesignError: beam ends is 'square'; choose one of mitred, hub
     """
 
     width: float = 10.0

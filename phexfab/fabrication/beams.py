@@ -106,6 +106,17 @@ def beams(shell: Shell, spec: BeamSpec, panel: PanelSpec) -> tuple[Beam, ...]:
     References
     ----------
     Thesis §4.2: offset meshes have torsion-free nodes.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> bars = px.beams(shell, px.BeamSpec(width=10, height=90), px.PanelSpec())
+    >>> print(len(bars), bars[0].mark, f"{bars[0].length:.1f} mm")
+    101 B001 317.5 mm
+    >>> print([f"{left:.1f}°/{right:.1f}°" for left, right in bars[0].mitres])
+    ['-27.1°/27.1°', '60.5°/-33.0°']
     """
     edges = shell.edges
     if len(edges) == 0:

@@ -65,6 +65,23 @@ def check_geometry(
     References
     ----------
     Thesis §4.2 (offsets), §6.1 (node axes), §7.1 (curvature).
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> for result in px.check_geometry(shell, px.Limits(shortest_edge=40)):
+    ...     print(result.name, "ok" if result.ok else f"FAILED at {result.worst}")
+    planarity ok
+    planarity_mm ok
+    parallelism ok
+    minimality ok
+    offset_constancy ok
+    node_axis_torsion ok
+    simple_faces ok
+    shortest_edge ok
+    beam_angle ok
     """
     limits = limits or Limits()
     mesh = shell.mesh

@@ -61,6 +61,12 @@ class Limits:
         Least distance between neighbouring panels.
     interpenetration : float, ratio
         Largest overlap of two solids, over the volume of the smaller one.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.Limits(shortest_edge=40, panel_mass=25).shortest_edge
+    40
     """
 
     planarity: float = 1e-12

@@ -36,6 +36,16 @@ class NodeSpec:
     ------
     DesignError
         If a size or a name is impossible; the message names it.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.NodeSpec("hub", radius=30.0).material.name
+    'steel'
+    >>> px.NodeSpec("ball")
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.DesignError: node kind is 'ball'; choose one of none, hub
     """
 
     kind: str = "none"
@@ -74,6 +84,18 @@ def nodes(shell: Shell, spec: NodeSpec, beam: BeamSpec, panel: PanelSpec) -> tup
         If the bars are not cut back far enough for the hub.
     PartError
         If the hubs of neighbouring nodes touch, or one has no length; the message names them.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> bar = px.BeamSpec(ends="hub", hub_radius=30)
+    >>> hubs = px.nodes(shell, px.NodeSpec("hub", radius=30), bar, px.PanelSpec())
+    >>> len(hubs), hubs[0].mark
+    (75, 'N001')
+    >>> px.nodes(shell, px.NodeSpec(), px.BeamSpec(), px.PanelSpec())  # mitred bars: no hubs
+    ()
     """
     if spec.kind == "none" or len(shell.edges) == 0:
         return ()

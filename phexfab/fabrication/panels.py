@@ -50,6 +50,16 @@ class PanelSpec:
     ------
     DesignError
         If a size or a name is impossible; the message names it.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.PanelSpec(thickness=8, gap=6, edges="mitred").side
+    'outside'
+    >>> px.PanelSpec(thickness=-8)
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.DesignError: panel thickness is -8 mm; give a thickness above 0 mm
     """
 
     thickness: float = 8.0
@@ -149,6 +159,21 @@ def panels(shell: Shell, spec: PanelSpec) -> tuple[Panel, ...]:
     References
     ----------
     Thesis §4.2: the node planes of a mesh with a constant-distance offset.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> glass = px.PanelSpec(thickness=8, gap=6, material=px.Material("glass", 2500.0))
+    >>> plates = px.panels(shell, glass)
+    >>> print(len(plates), plates[0].mark, f"{plates[0].mass:.2f} kg")
+    27 P001 4.55 kg
+    >>> px.panels(shell, px.PanelSpec(gap=400))
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.PartError: gap 400 mm is too large for panel P...; at most 187.1 mm. Make the
+        gap smaller or the panels larger
     """
     mesh = shell.mesh
     if mesh.n_faces == 0:

@@ -41,6 +41,19 @@ def check_parts(
     ------
     PartError
         If a solid that has to be intersected is not closed; the message names its mark.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> parts = px.Parts(px.panels(shell, px.PanelSpec(thickness=8)))
+    >>> for result in px.check_parts(parts, shell):
+    ...     print(result.name, f"{result.value:.3g} {result.unit}", result.ok)
+    panel_mass 16.5 kg True
+    sharpest_corner 54.2 deg True
+    panel_clearance 2.01 mm True
+    interpenetration 0 1 True
     """
     limits, stocks = limits or Limits(), stocks or {}
     results = []

@@ -23,7 +23,20 @@ FAMILY_COLOURS: dict[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True)
 class Material:
-    """What a family of parts is made of: a name for the parts list and a density in kg/m³."""
+    """What a family of parts is made of.
+
+    Attributes
+    ----------
+    name : str
+        For the parts list and the sheets.
+    density : float, kg/m³
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.PanelSpec(thickness=10, material=px.Material("glass", 2500.0)).material.density
+    2500.0
+    """
 
     name: str
     density: float
@@ -38,6 +51,15 @@ class Solid:
     vertices : (n, 3) array, mm
     faces : tuple of index tuples
         Each face counter-clockwise seen from outside; faces may be non-convex but are simple.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> solid = px.panels(shell, px.PanelSpec())[0].solid
+    >>> len(solid.vertices), len(solid.faces)  # a plate of six sides
+    (12, 8)
     """
 
     vertices: FloatArray
@@ -91,6 +113,15 @@ class FlatPart:
         One per outline edge, edge ``i`` from corner ``i`` to ``i + 1``.
     thickness : float, mm
     material : Material
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> flat = px.panels(shell, px.PanelSpec())[0].flat
+    >>> flat.mark, len(flat.outline), flat.thickness
+    ('P001', 6, 8.0)
     """
 
     mark: str
@@ -186,7 +217,24 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Everything that is made for one shell, in the order of the parts list."""
+    """Everything that is made for one shell, in the order of the parts list.
+
+    Attributes
+    ----------
+    panels : tuple of Panel
+    beams : tuple of Beam
+    nodes : tuple of Node
+        Empty where bars are mitred and no hubs are asked for.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> parts = px.Parts(px.panels(shell, px.PanelSpec()))
+    >>> len(parts.panels), len(parts.beams), len(parts.nodes)
+    (27, 0, 0)
+    """
 
     panels: tuple[Panel, ...]
     beams: tuple[Beam, ...] = ()
@@ -195,8 +243,22 @@ class Parts:
 
 @dataclass(frozen=True)
 class Stock:
-    """A stock sheet: length × width in mm, the margin kept free along its border, the spacing
-    kept between parts (kerf included) in mm."""
+    """A stock sheet.
+
+    Attributes
+    ----------
+    length, width : float, mm
+    margin : float, mm
+        Kept free along its border.
+    spacing : float, mm
+        Kept between parts, the kerf included.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.Stock(3000, 1500, margin=15)
+    Stock(length=3000, width=1500, margin=15, spacing=8.0)
+    """
 
     length: float
     width: float
@@ -242,6 +304,12 @@ class CheckResult:
         Mark of the worst part, or "" where there is none.
     note : str
         What was measured, in a few words, and what to change when it fails.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> px.CheckResult("shortest_edge", 17.5, 20.0, "mm", ">=", worst="B014").ok
+    False
     """
 
     name: str

@@ -35,10 +35,27 @@ _OFF_HEADERS = {prefix + "OFF" for prefix in ("", "C", "N", "CN", "ST", "STC", "
 def read_mesh(path: str | os.PathLike[str]) -> PolyMesh:
     """Read a polygon mesh; the file's ending, ``.obj`` or ``.off``, tells the format.
 
+    Parameters
+    ----------
+    path : path
+        Faces may have any number of sides. The file says nothing of units: numbers stay as they
+        are.
+
     Raises
     ------
     MeshError
         If the ending is another, or the file is malformed; the message names file and line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import phexfab as px
+    >>> mesh = px.PolyMesh.from_faces([(0, 0, 0), (400, 0, 0), (200, 300, 0)], [(0, 1, 2)])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     px.write_mesh(mesh, Path(folder) / "panel.off")
+    ...     px.read_mesh(Path(folder) / "panel.off").vertices.tolist()
+    [[0.0, 0.0, 0.0], [400.0, 0.0, 0.0], [200.0, 300.0, 0.0]]
     """
     verb: Callable[..., PolyMesh] = _by_ending(path, {".obj": read_obj, ".off": read_off})
     return verb(path)
@@ -47,10 +64,31 @@ def read_mesh(path: str | os.PathLike[str]) -> PolyMesh:
 def write_mesh(mesh: PolyMesh, path: str | os.PathLike[str]) -> None:
     """Write a polygon mesh as the file's ending, ``.obj`` or ``.off``, tells.
 
+    Parameters
+    ----------
+    mesh : PolyMesh
+    path : path
+        Written in full digits, so that reading it gives the same numbers.
+
     Raises
     ------
     MeshError
         If the ending is another, the file cannot be written, or a coordinate is not finite.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import phexfab as px
+    >>> mesh = px.PolyMesh.from_faces([(0, 0, 0), (400, 0, 0), (200, 300, 0)], [(0, 1, 2)])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     px.write_mesh(mesh, Path(folder) / "panel.obj")
+    ...     print((Path(folder) / "panel.obj").read_text().strip())
+    # phexfab polygon mesh
+    v 0 0 0
+    v 400 0 0
+    v 200 300 0
+    f 1 2 3
     """
     verb: Callable[..., None] = _by_ending(path, {".obj": write_obj, ".off": write_off})
     verb(mesh, path)

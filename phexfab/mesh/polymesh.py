@@ -27,6 +27,16 @@ class PolyMesh:
         of the face normal.
     starts : (F + 1,) int array
         Face ``f`` owns ``corners[starts[f]:starts[f + 1]]``.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> corners = [(0, 0, 0), (400, 0, 0), (400, 300, 0), (0, 300, 0), (200, 500, 0)]  # mm
+    >>> mesh = px.PolyMesh.from_faces(corners, [(0, 1, 2, 3), (3, 2, 4)])
+    >>> mesh.n_faces, mesh.sides.tolist()
+    (2, [4, 3])
+    >>> mesh.polygon(1).tolist()
+    [[0.0, 300.0, 0.0], [400.0, 300.0, 0.0], [200.0, 500.0, 0.0]]
     """
 
     vertices: FloatArray

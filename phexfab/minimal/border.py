@@ -21,6 +21,7 @@ from phexfab.remesh.lattice import Lattice
 FloatArray = NDArray[np.float64]
 DEGREE = 8
 WAVES = 5  # around a lattice that closes
+ROUNDS = 40  # of conjugate gradients, at most
 SHARE = 0.1  # weight of the correction's size against what it leaves of the miss
 
 
@@ -34,8 +35,8 @@ def smooth_border(
     start : Shell
         From ``tangent_shell``.
     on : Lattice
-        A rectangle's; a grown one has no global coordinates and is returned as it is: what
-        reaches beyond a rim is cut off.
+        A rectangle's, or a grown one, which has no global coordinates: there the heights are those
+        whose solution is nearest to the tangent planes, in the sense of least squares.
     solver : MinimalSolver
         Of that shell.
     period : complex, optional
@@ -47,7 +48,7 @@ def smooth_border(
     (trigonometric around a ring), with e the change that the solve makes without p.
     """
     if on.parameters is not None:
-        return start.heights
+        return _nearest_border(start, solver)
     miss = mixed_area_matrix(start, solver.weights) @ start.heights
     change = solver.solve(start.heights) - start.heights
     size, change_size = np.linalg.norm(miss), np.linalg.norm(change)
@@ -61,6 +62,32 @@ def smooth_border(
     triangle: FloatArray = np.asarray(np.linalg.qr(np.column_stack([rows, right]), "r"), float)
     share = np.linalg.lstsq(triangle[:-1, :-1], triangle[:-1, -1], rcond=1e-12)[0]
     return np.asarray(start.heights + shapes @ share, float)
+
+
+def _nearest_border(start: Shell, solver: MinimalSolver) -> FloatArray:
+    """Return heights whose border planes give the solution nearest to the tangent planes.
+
+    Where a film is nearly unstable, as large pieces of periodic surfaces are, the solution
+    magnifies a few of the small misses at the border. Moving the border planes by as little takes
+    that away: minimised is ``|h − h₀|²`` over all solutions h, by conjugate gradients on the
+    border's heights. Few rounds are needed, for short waves along the border do not reach far.
+    """
+    panels = start.panels
+    off = (solver.solve(start.heights) - start.heights)[panels]
+    step = -solver.border_answer_transposed(off)
+    left, size = step.copy(), float(step @ step)
+    moved, enough = np.zeros(len(step)), 1e-6 * size
+    for _ in range(ROUNDS):
+        if size <= enough:
+            break
+        image = step + solver.border_answer_transposed(solver.border_answer(step))
+        share = size / float(step @ image)
+        moved, left = moved + share * step, left - share * image
+        before, size = size, float(left @ left)
+        step = left + size / before * step
+    heights = np.array(start.heights, float)
+    heights[solver.border] += moved
+    return heights
 
 
 def _shapes(on: Lattice, period: complex | None) -> FloatArray:

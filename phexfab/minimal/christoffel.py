@@ -84,6 +84,17 @@ def is_discrete_minimal(
     References
     ----------
     Thesis §7.1.2.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> test = px.is_discrete_minimal(shell.mesh, shell.gauss)
+    >>> bool(test), test.worst < 1e-12
+    (True, True)
+    >>> bool(px.is_discrete_minimal(shell.gauss, shell.gauss))  # a polyhedron about a sphere
+    False
     """
     if not mesh.n_faces:
         raise MeshError("the mesh has no face, so nothing can be minimal")
@@ -264,6 +275,14 @@ def split_dual(mesh: PolyMesh, cut: int | None = None) -> SplitDual:
     References
     ----------
     Thesis §7.2.2; Müller, Wallner 2010.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> from phexfab.minimal.conformal import conformal_gauss_image, ring_tilt
+    >>> ring = conformal_gauss_image(12, 4, tilt=ring_tilt(12), closed=True)[0]
+    >>> px.split_dual(ring.gauss).residual < 1e-9  # conformal hexagons: the dual is exact
+    True
     """
     if mesh.n_faces and cut is None and not np.all(mesh.sides == 4):
         edge_classes(mesh)  # refuses what has none

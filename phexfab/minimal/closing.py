@@ -40,31 +40,17 @@ def chart_angles(triangles: IntArray, chart: ComplexArray) -> FloatArray:
         return np.asarray(np.angle((back - here) / (onward - here)))
 
 
-def check_topology(triangles: IntArray, n: int) -> list[IntArray]:
+def plain_borders(triangles: IntArray, n: int) -> list[IntArray]:
     """Return the borders (half-edges in order) of a triangulation that can be laid out.
 
-    Raises
-    ------
-    SolveError
-        If it has handles, so that no planar layout exists, or its border touches itself.
+    None if it has handles, so that no planar layout exists, or its border touches itself.
     """
     cycles = border_cycles(triangles, n)
     tails = np.concatenate([triangles.ravel()[cycle] for cycle in cycles])
-    faces, count = np.unique(tails, return_counts=True)
-    if (count > 1).any():
-        raise SolveError(
-            f"the lattice's border touches itself at face {faces[np.argmax(count)]}, and a circle "
-            f"pattern would have to close there; choose another panel size, or {REMEDY}"
-        )
     used = len(np.unique(triangles))
     edges = (3 * len(triangles) + len(tails)) // 2
     genus = (2 - len(cycles) - (used - edges + len(triangles))) // 2
-    if genus > 0:
-        raise SolveError(
-            f"the lattice has {genus} handle{'s' if genus > 1 else ''} (its genus), so its circle "
-            f"pattern cannot be laid out in the plane; {REMEDY}"
-        )
-    return cycles
+    return cycles if genus == 0 and len(np.unique(tails)) == len(tails) else []
 
 
 def hole_angles(

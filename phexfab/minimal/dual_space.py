@@ -48,6 +48,18 @@ class DualSpace:
     borders : (R,) int
         Rows of ``normals``: the first border edge of every border plane, counter-clockwise.
         Their heights are free.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> space = px.DualSpace.of(shell.gauss)
+    >>> space.dimension  # one height for each border plane
+    23
+    >>> again = space.mesh(space.border_heights(shell.mesh))
+    >>> bool(abs(again.vertices - shell.mesh.vertices).max() < 1e-6)
+    True
     """
 
     gauss: PolyMesh

@@ -7,17 +7,21 @@ discrete conformal maps, so both are solved in the plane from the smooth radii a
 
 Around an umbilic of order m the Gauss map winds m + 1 times, and so does the branched pattern; the
 layout has several sheets there, and every circle is compared with its own smooth normal. Around
-holes the pattern is made to close (``closing``).
+holes the pattern is made to close (``closing``). Where no plane has room, because the surface has
+handles or its normals cover the sphere, circles are found on the sphere itself (``immersed``).
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from phexfab.errors import DesignError, SolveError
 from phexfab.minimal.circles import CircleLaw, cone_targets
-from phexfab.minimal.closing import REMEDY, chart_angles, check_topology, solve_closed
+from phexfab.minimal.closing import REMEDY, chart_angles, plain_borders, solve_closed
+from phexfab.minimal.immersed import immersed_circles
 from phexfab.minimal.sphere import (
     farthest_direction,
     lift_circles,
@@ -56,12 +60,22 @@ def gauss_image(
         For an unknown kind, or an edge type on a lattice that is not equilateral: a circle
         packing on a triangular lattice knows no other.
     SolveError
-        If Newton fails, the lattice has handles, or the Gauss image covers the whole sphere: no
-        circle pattern in one plane has these.
+        If Newton fails, or the lattice does not wind around umbilics as the Gauss map does.
 
     References
     ----------
     Thesis §4.4; Bobenko, Hoffmann, Springborn 2006.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> on = px.lattice_on(surface, panel_size=500.0)
+    >>> normals, heights = px.gauss_image(surface, on, surface.parameter(on.points), "edge")
+    >>> normals.shape == (len(on.points), 3)
+    True
+    >>> bool(heights.max() < 1)  # planes of circles on the unit sphere
+    True
     """
     if kind not in KINDS:
         raise DesignError(f"offset.type = {kind!r}: choose one of {', '.join(KINDS)}")
@@ -76,8 +90,8 @@ def gauss_image(
         )
     _require_regular(lattice, kind)
     tri = lattice.triangles
-    cycles = check_topology(tri, len(normals))
     targets = cone_targets(tri, len(normals))
+    cycles = plain_borders(tri, len(normals))
     # The surface's own chart where the normals stay clear of its pole: there the thesis' conformal
     # cases are exact.
     pole = np.array([0.0, 0.0, 1.0])
@@ -85,23 +99,26 @@ def gauss_image(
     if not ring and float((normals @ pole).max()) > POLE_CLEARANCE:
         pole = farthest_direction(normals)
     turn = rotation_to_north(pole)
-    _require_clear(normals @ turn.T, lattice, kind)
-    chart = stereographic(normals @ turn.T)
-    _require_branching(chart, lattice, targets)
-    # Conformal factor of w → chart: |dN| = √κ·… = |dw|·√κ, and |dN| = 2|dg|/(1 + |g|²).
+    # Conformal factor of w → sphere: |dN| = √κ·… = |dw|·√κ.
     kappa = np.abs(surface.principal_curvatures(parameters)[..., 0]) * surface.scale
-    stretch = np.sqrt(kappa) * (1 + np.abs(chart) ** 2) / 2
-    if kind == "edge":
-        law = CircleLaw(tri)
-        radii = stretch * lattice.step / 2
-    else:
+    law, radius = CircleLaw(tri), lattice.step / 2
+    if kind == "vertex":
         crossing, radius = lattice_pattern(lattice)
         law = CircleLaw(tri, crossing)
-        radii = stretch * radius
+    radii = np.sqrt(kappa) * radius
     if lattice.density is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             radii = radii / lattice.density
-    radii = _spread(radii, law, chart, targets > 2 * np.pi)
+    branched = targets > 2 * np.pi
+    if not cycles or _covers_pole(normals @ turn.T, lattice):
+        # No plane has room for these circles: on the sphere itself.
+        lifted, heights = immersed_circles(law, normals, _spread(radii, law, normals, branched))
+        return _near_smooth(lifted, heights, normals, kind), heights
+    chart = stereographic(normals @ turn.T)
+    _require_branching(chart, lattice, targets)
+    # … and on to the chart: |dN| = 2|dg|/(1 + |g|²).
+    shrunk = radii * (1 + np.abs(chart) ** 2) / 2
+    radii = _spread(shrunk, law, np.column_stack([chart.real, chart.imag]), branched)
     logs, centres, gap = solve_closed(law, np.log(radii), targets, cycles, chart)
     if gap > 1e-8:
         raise SolveError(
@@ -113,16 +130,23 @@ def gauss_image(
     factor = np.vdot(centres - mean_c, chart - mean_g) / np.vdot(centres - mean_c, centres - mean_c)
     fitted = mean_g + factor * (centres - mean_c)
     lifted, heights = lift_circles(fitted, np.abs(factor) * np.exp(logs))
-    if heights.min() <= 0.0 or np.sum(lifted * (normals @ turn.T), axis=1).min() < 0.5:
+    return _near_smooth(lifted @ turn, heights, normals, kind), heights
+
+
+def _near_smooth(
+    found: FloatArray, heights: FloatArray, normals: FloatArray, kind: str
+) -> FloatArray:
+    """Return the normals that were found; refuse them far from the smooth ones."""
+    if heights.min() <= 0.0 or np.sum(found * normals, axis=1).min() < 0.5:
         raise SolveError(
             f"the {kind}-type Gauss image strays from the smooth one; choose a finer lattice or a "
-            "rectangle of parameters whose normals leave more of the sphere free"
+            f"smaller piece of the surface, or {REMEDY}"
         )
-    return lifted @ turn, heights
+    return found
 
 
 def _spread(
-    radii: FloatArray, law: CircleLaw, chart: ComplexArray, branched: BoolArray
+    radii: FloatArray, law: CircleLaw, places: FloatArray, branched: BoolArray
 ) -> FloatArray:
     """Return the radii, at umbilics (where the smooth ones vanish) and around them mended.
 
@@ -145,7 +169,7 @@ def _spread(
     usable &= radii > 0.01 * level
     if usable.all():
         return radii
-    distance = np.abs(chart[tail] - chart[head])
+    distance = np.linalg.norm(places[tail] - places[head], axis=1)
     apex = ~usable[tri[:, [2, 0, 1]].ravel()] & usable[tail] & usable[head]
     equal = distance[apex] / np.sqrt(2 + 2 * cosine.ravel()[apex])
     pairs = np.concatenate([tail[apex], head[apex]])
@@ -155,7 +179,7 @@ def _spread(
     here, there = (end[usable[both[1]] & ~usable[both[0]]] for end in both)
     crossing = np.concatenate([cosine, cosine]).ravel()[usable[both[1]] & ~usable[both[0]]]
     s = out[there]
-    root = np.abs(chart[here] - chart[there]) ** 2 - s**2 * (1 - crossing**2)
+    root = np.sum((places[here] - places[there]) ** 2, axis=1) - s**2 * (1 - crossing**2)
     meeting = mean(here, np.sqrt(np.maximum(root, 0)) - s * crossing)
     return np.where(usable, out, np.clip(meeting, 0.1 * level, level))
 
@@ -174,33 +198,51 @@ def _require_regular(lattice: Lattice, kind: str) -> None:
         )
 
 
-def _require_clear(normals: FloatArray, lattice: Lattice, kind: str) -> None:
-    """Refuse a Gauss image that covers the north pole of the chart, which is to stay free."""
+def _covers_pole(normals: FloatArray, lattice: Lattice) -> bool:
+    """Return whether a Gauss image covers the north pole, which a chart must leave free."""
     a, b, c = (normals[lattice.triangles[:, k], :2] for k in range(3))
     high = normals[lattice.triangles, 2].min(axis=1) > 0.0
     sides = [p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((a, b), (b, c), (c, a))]
     over = high & ((np.min(sides, axis=0) >= 0) | (np.max(sides, axis=0) <= 0))
-    if over.any():
-        face = int(lattice.triangles[np.argmax(over), 0])
-        raise SolveError(
-            "the Gauss image covers the whole sphere, near face "
-            f"{face} even the direction that was to stay free, so {kind}-type circles cannot be "
-            f"laid out in one plane; {REMEDY}, or a smaller piece of the surface"
-        )
+    return bool(over.any())
 
 
 def _require_branching(chart: ComplexArray, lattice: Lattice, targets: FloatArray) -> None:
-    """Refuse a lattice whose rings do not wind as often as the smooth Gauss map does."""
+    """Refuse a lattice whose rings do not wind as often as the smooth Gauss map does.
+
+    On a coarse lattice the smooth images of three neighbours may lie the wrong way around. Such a
+    triangle takes one turn from the sum over its corners, 2π, and nothing is wrong with the
+    lattice: so turns are counted over all faces that hang together by these triangles.
+    """
     tri = lattice.triangles
+    angle = chart_angles(tri, chart)
     panels = face_rings(tri, len(chart))[0]
-    winding = np.bincount(tri.ravel(), chart_angles(tri, chart).ravel(), minlength=len(chart))
-    wrong = panels[~(np.abs(winding - targets)[panels] < 1.0)]
+    off = np.bincount(tri.ravel(), angle.ravel(), minlength=len(chart)) - targets
+    turns = np.zeros(len(chart))
+    turns[panels] = np.round(off[panels] / (2 * np.pi))
+    lost = ~np.isfinite(off)
+    turns[lost] = -1.0  # two neighbours with one normal
+    over = tri[angle.sum(axis=1) < 0]
+    links = coo_array(
+        (np.ones(3 * len(over)), (over.ravel(), np.roll(over, 1, axis=1).ravel())),
+        shape=(len(chart), len(chart)),
+    )
+    part = connected_components(links, directed=False)[1]
+    total = np.bincount(part, turns) + np.bincount(part[over[:, 0]], minlength=part.max() + 1)
+    # What hangs together with a border face, whose turns are not known, is left to the solution.
+    open_part = np.zeros(len(total), bool)
+    inside = np.zeros(len(chart), bool)
+    inside[panels] = True
+    open_part[part[over[~inside[over]]]] = True
+    wrong = panels[(turns[panels] != 0) & (total != 0)[part[panels]] & ~open_part[part[panels]]]
     if len(wrong):
+        face = int(wrong[0])
+        asked = targets[face] / (2 * np.pi)
+        found = max(asked + float(total[part[face]]), 0.0)
         raise SolveError(
-            f"around face {wrong[0]} of the lattice the Gauss map winds "
-            f"{winding[wrong[0]] / (2 * np.pi):.0f} times where the lattice asks for "
-            f"{targets[wrong[0]] / (2 * np.pi):.0f}: an umbilic is missing there, or the lattice "
-            f"is too coarse; choose a finer lattice, or {REMEDY}"
+            f"around face {face} of the lattice the Gauss map winds {found:.0f} times where the "
+            f"lattice asks for {asked:.0f}: an umbilic is missing there, or the lattice is too "
+            f"coarse; choose a finer lattice, or {REMEDY}"
         )
 
 

@@ -124,6 +124,14 @@ class MinimalSolver:
             solved[self.shell.panels] -= self.factor.solve(residual)
         return solved
 
+    def border_answer(self, change: FloatArray) -> FloatArray:
+        """Return the (P,) change of panel heights when border heights change by (B,)."""
+        return -self.factor.solve(self.coupling @ change, 0)
+
+    def border_answer_transposed(self, weights: FloatArray) -> FloatArray:
+        """Return (B,) of the transposed map: the matrix of the panels is symmetric."""
+        return np.asarray(-(self.coupling.T @ self.factor.solve(weights, 0)), float)
+
     @property
     def index(self) -> int | None:
         """Number of area-decreasing directions with fixed border: 0 on a stable soap film."""
@@ -143,5 +151,16 @@ def solve_minimal(shell: Shell) -> Shell:
     SolveError
         If the system is singular: the Gauss image bounds a region on which the surface is just
         unstable (a hemisphere is the first one).
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> heights = shell.heights.copy()
+    >>> heights[0] += 20.0  # mm: one border plane moves outwards
+    >>> moved = px.solve_minimal(shell.with_heights(heights))
+    >>> bool(px.is_discrete_minimal(moved.mesh, shell.gauss))
+    True
     """
     return replace(shell, heights=MinimalSolver.of(shell).solve(shell.heights))

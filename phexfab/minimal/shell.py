@@ -122,6 +122,16 @@ def minimal_shell(surface: MinimalSurface, on: Lattice, kind: str = "face") -> S
     References
     ----------
     Thesis §7.2.2.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0), "edge")
+    >>> shell.mesh.n_faces, int(shell.mesh.sides.max())
+    (27, 6)
+    >>> bool(px.is_discrete_minimal(shell.mesh, shell.gauss))
+    True
     """
     return solved_shell(surface, on, kind)[0]
 
@@ -171,6 +181,14 @@ def lattice_on(
     LatticeError
         If the surface has no period to close under, no panel fits, ``evenness`` is not in [0, 1],
         or a graded lattice is turned.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("catenoid").scaled(2000.0)  # mm
+    >>> on = px.lattice_on(surface, panel_size=450.0, closed=True)
+    >>> on.closed, len(px.minimal_shell(surface, on).panels)
+    (True, 270)
     """
     box = surface.rectangle if rectangle is None else rectangle
     if closed and surface.period is None:
@@ -217,6 +235,17 @@ def surface_distance(surface: MinimalSurface, shell: Shell) -> FloatArray:
     surface : MinimalSurface
     shell : Shell
         Made on that surface, so that its parameters are known.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> print(f"{px.surface_distance(surface, shell).max():.1f} mm")
+    7.9 mm
+    >>> finer = px.minimal_shell(surface, px.lattice_on(surface, panel_size=250.0))
+    >>> print(f"{px.surface_distance(surface, finer).max():.1f} mm")  # falls with the square
+    1.9 mm
     """
     triangles = shell.triangles[shell.used_vertices]
     vertices = shell.mesh.vertices

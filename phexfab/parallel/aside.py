@@ -85,8 +85,13 @@ def step_aside(
             for station, way in zip((a, b), ways, strict=True):
                 aside[station] = _no_longer(aside[station] + step / square * way, most)
     if rim is None:
-        return moved(stations, _away_from_edges(ground, fence, margin), aside)
+        given = np.isfinite(stations.planes[:, 3])
+        leave = np.where(given & np.roll(given, 1), 0.0, _away_from_edges(ground, fence, margin))
+        return moved(stations, leave, aside)
     along, push, gone = _between_ends(fence, rim, margin, sagitta)
+    given = np.isfinite(stations.planes[:, 3])
+    folds = given & np.roll(given, 1)
+    along[folds], gone[folds] = 0.0, False
     for k in np.flatnonzero(push.any(axis=1)).tolist():
         aside[k] = _no_longer(aside[k] + freedom[k] @ push[k], most)
     return without(moved(stations, along, aside), gone)
@@ -240,15 +245,15 @@ class RimEdges:
     wanted: FloatArray
 
 
-def rim_edges(shell: Shell, least: float, depth: float) -> RimEdges:
+def rim_edges(shell: Shell, least: float, depth: tuple[float, float]) -> RimEdges:
     """Measure the edges at the border of a cut shell.
 
     Parameters
     ----------
     shell : Shell
     least : float, mm
-    depth : float, mm
-        Edges that vanish in an offset by this much are too short, too.
+    depth : (below, above), mm
+        Edges that vanish in an offset between −below and above are too short, too.
 
     Raises
     ------
@@ -262,10 +267,12 @@ def rim_edges(shell: Shell, least: float, depth: float) -> RimEdges:
         raise LostWayError(f"the cut panel at {place(spot)} is no simple polygon")
     tail, head = shell.edges[:, 0], shell.edges[:, 1]
     border = shell.edges[:, 3] < 0
-    length = np.linalg.norm(mesh.vertices[head] - mesh.vertices[tail], axis=1)
-    image = np.linalg.norm(gauss.vertices[head] - gauss.vertices[tail], axis=1)
-    # An edge vanishes in an offset by its length over its image's.
-    wanted = np.maximum(least, depth * image)
+    along = mesh.vertices[head] - mesh.vertices[tail]
+    length = np.linalg.norm(along, axis=1)
+    image = gauss.vertices[head] - gauss.vertices[tail]
+    # An offset by t adds t times its image, which is parallel, to an edge.
+    gain = np.einsum("ij,ij->i", along, image) / length
+    wanted = np.maximum(least, np.maximum(depth[0] * gain, -depth[1] * gain))
     n = len(mesh.vertices)
     at_rim = np.zeros(n, bool)
     at_rim[tail[border]] = True

@@ -36,6 +36,16 @@ class Border:
     MeshError
         If there are fewer than 8 points, two neighbours coincide, a value is not finite, a normal
         vanishes, or a corner is no point.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(5000.0)  # mm
+    >>> z = surface.parameter(0.4 * np.exp(2j * np.pi * np.arange(400) / 400))
+    >>> border = px.Border(surface.point(z), surface.normal(z), [])
+    >>> print(f"{border.length / 1e3:.2f} m")
+    7.29 m
     """
 
     points: FloatArray

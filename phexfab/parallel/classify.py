@@ -24,6 +24,9 @@ from phexfab.parallel.sphere_fit import SphereFit, fit_to_sphere, sphere_miss
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+_ONE_PLANE = 1e-12  # spread of normals that are one to rounding
+_ONE_LINE = 1e-9  # sine of a cone's opening below which its planes share a line
+
 
 def _flat(mesh: PolyMesh) -> tuple[FloatArray, FloatArray]:
     """Return corners (C, 2) in their faces' planes about the mean corner, and sizes (F,)."""
@@ -99,13 +102,19 @@ def quasi_circularity(mesh: PolyMesh) -> FloatArray:
 def conicality(mesh: PolyMesh) -> FloatArray:
     """Return (V,) how far the planes at a vertex are from touching one cone of revolution.
 
-    Its faces' unit normals must lie on a circle: the largest distance of a normal to their
-    least-squares plane, over the normals' mean distance from their mean. Three planes or fewer
-    always touch one cone: 0, so every simple mesh is conical.
+    They do where their faces' unit normals make one angle with an axis, that is, lie on a circle of
+    the sphere that is not a great circle. The measure is the largest distance of a normal to their
+    least-squares plane, over the normals' mean distance from their mean; 1 where that plane goes
+    through the sphere's centre: planes through one line have no cone and no common offset. Three
+    planes or fewer touch one cone unless they share a line.
+
+    At a vertex of four faces with corners below 180° it vanishes just where opposite corners have
+    the same sum. Where a corner is greater the planes may touch a cone though sums differ.
 
     References
     ----------
-    Thesis §4.4.3; Liu et al. 2006, sec. 3.
+    Thesis §4.4.3; Liu et al. 2006, sec. 3; Wang, Wallner, Liu 2007, "An angle criterion for conical
+    mesh vertices".
     """
     order = np.argsort(mesh.corners, kind="stable")
     vertex = mesh.corners[order]
@@ -113,14 +122,18 @@ def conicality(mesh: PolyMesh) -> FloatArray:
     used, begin = np.unique(vertex, return_index=True)
     count = np.diff(np.append(begin, len(vertex)))
     owner = np.repeat(np.arange(len(used)), count)
-    local = normals - (np.add.reduceat(normals, begin) / count[:, None])[owner]
+    mean = np.add.reduceat(normals, begin) / count[:, None]
+    local = normals - mean[owner]
     spread = np.add.reduceat(local[:, :, None] * local[:, None, :], begin)
     axis = np.linalg.eigh(spread)[1][:, :, 0]
     off = np.maximum.reduceat(np.abs(np.einsum("ij,ij->i", local, axis[owner])), begin)
     size = np.add.reduceat(np.linalg.norm(local, axis=1), begin) / count
     result = np.zeros(len(mesh.vertices))
-    some = (count > 3) & (size > 0)
+    # Planes that agree to rounding touch every flat cone.
+    some = (count > 3) & (size > _ONE_PLANE)
     result[used[some]] = off[some] / size[some]
+    line = np.abs(np.einsum("ij,ij->i", mean, axis)) < _ONE_LINE
+    result[used[line & (count > 2) & (size > _ONE_PLANE)]] = 1.0
     return result
 
 
@@ -236,6 +249,14 @@ def classify_mesh(
     References
     ----------
     Thesis §4.4, ch. 6.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=700.0), "edge")
+    >>> px.classify_mesh(shell.mesh).kinds  # simple meshes always have a face offset
+    ('edge', 'face')
     """
     flatness = float(relative_planarity(mesh).max())
     limit = max(1e-11, flatness) if tolerance is None else tolerance

@@ -21,19 +21,28 @@ from numpy.typing import ArrayLike, NDArray
 from phexfab.errors import MeshError
 from phexfab.mesh.measures import signed_areas
 from phexfab.parallel.aside import RimEdges, rim_edges, step_aside
-from phexfab.parallel.border import Border, distance_to_segments, samples_of
-from phexfab.parallel.fence import Fence, build_fence
+from phexfab.parallel.border import Border
+from phexfab.parallel.cut_planes import shell_of_pieces
+from phexfab.parallel.fence import Fence, Stations, build_fence
+from phexfab.parallel.folds import FlatSide, Wanted, flat_sides, fold, shifted
 from phexfab.parallel.shell import Shell
 from phexfab.parallel.slivers import Patchwork, Tidied, tidy
 from phexfab.parallel.split import split
 from phexfab.parallel.stations import place_stations
 from phexfab.parallel.walk import Ground, LostWayError, walk
+from phexfab.parallel.within import border_distance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 ROUNDS = 6
 """How often stations may step aside, to avoid vertices and short edges."""
+
+FOLDS = (1.0, 1.5)
+"""Distances, over the shortest edge, at which folded sides keep from vertices."""
+
+Limits = tuple[float, float, float, tuple[float, float]]
+"""Least area and width of a piece, shortest edge, depth below and above."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +73,8 @@ class CutReport:
     ways : tuple of str
         For each border how its planes were found: ``"fitted"`` (each turned about its chord so that
         axes come near the normals), ``"apex"`` (through one point), ``"direction"`` (parallel to
-        the given direction) or ``"flat"`` (one plane).
+        the given direction), ``"flat"`` (one plane for a side) or ``"folded"`` (a plane that folds
+        a little, away from vertices).
     """
 
     panels: int
@@ -121,7 +131,7 @@ def cut_shell(
     sliver_share: float = 0.05,
     sliver_width: float | None = None,
     shortest_edge: float | None = None,
-    depth: float = 0.0,
+    depth: float | tuple[float, float] = 0.0,
     sagitta: float | None = None,
     direction: ArrayLike | None = None,
 ) -> CutShell:
@@ -143,9 +153,9 @@ def cut_shell(
     shortest_edge : float, mm, optional
         Stations step aside where cut panels would have shorter edges, as far as that helps; by
         default 0.04 of the median panel's size.
-    depth : float, mm
-        How deep the structure is. Edges of cut panels that would vanish in an offset by this much,
-        to either side, count as too short, too.
+    depth : float or (below, above), mm
+        How deep the structure is, to either side of the normals. Edges of cut panels that would
+        vanish in an offset by as much count as too short, too.
     sagitta : float, mm, optional
         Chords of the border stay within this distance of it; by default 0.04 of the median panel's
         size. Stations without which chords change by less than a tenth of it are left out.
@@ -162,6 +172,17 @@ def cut_shell(
     References
     ----------
     Thesis §4.1, §4.2; see ``phexfab.parallel.fence``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import phexfab as px
+    >>> film = px.minimal_surface("enneper").scaled(5000.0)  # mm
+    >>> whole = px.minimal_shell(film, px.lattice_on(film, panel_size=500.0))
+    >>> z = film.parameter(0.4 * np.exp(2j * np.pi * np.arange(400) / 400))
+    >>> made = px.cut_shell(whole, [px.Border(film.point(z), film.normal(z), [])])
+    >>> made.report.panels == made.shell.mesh.n_faces, made.report.rim_distance < 40  # mm
+    (True, True)
     """
     if not borders:
         raise MeshError("there is no border to cut along; give one at least")
@@ -172,11 +193,14 @@ def cut_shell(
         if not (np.isfinite(length) and length > 0):
             raise MeshError(f"direction = {direction}: give three numbers, not all of them 0")
         along = along / length
+    below, above = depth if isinstance(depth, tuple) else (depth, depth)
+    deep = (float(below), float(above))
     for name, value in (
         ("sliver_share", sliver_share),
         ("sliver_width", sliver_width),
         ("shortest_edge", shortest_edge),
-        ("depth", depth),
+        ("depth", min(deep)),
+        ("depth", max(deep)),
     ):
         if value is not None and not (np.isfinite(value) and value >= 0):
             raise MeshError(f"{name} = {value}: give 0 or more")
@@ -193,15 +217,62 @@ def cut_shell(
         sliver_share * area,
         0.08 * size if sliver_width is None else sliver_width,
         0.04 * size if shortest_edge is None else shortest_edge,
-        depth,
+        deep,
     )
-    stations = [place_stations(ground.finder, one, sag, size, limits[2], along) for one in borders]
+    start = [place_stations(ground.finder, one, sag, size, limits[2], along) for one in borders]
+    best, failure = _rounds(whole, ground, borders, start, limits, (sag, size), along)
+    sides = [
+        flat_sides(ground, b, at, limits[2], size) for b, at in zip(borders, start, strict=True)
+    ]
+    for reach in FOLDS if any(sides) else ():
+        if best is not None and not best.cost:
+            break
+        wanted = Wanted(reach * limits[2], limits[3], size)
+        other, lost = _rounds(
+            whole, ground, borders, start, limits, (sag, size), along, sides, wanted
+        )
+        failure = failure or lost
+        if other is not None and (best is None or other.cost < best.cost):
+            best = other
+    if best is None:
+        raise MeshError(
+            f"{failure}; no cut beside it is valid either: move the lattice or the border a "
+            "little, or change the panel size"
+        )
+    if best.rim.shortest < 1e-4 * size:
+        raise MeshError(
+            f"the cut leaves an edge of {best.rim.shortest:.1e} mm: the border meets a vertex of "
+            "the shell where it cannot step aside; move the lattice or the border a little, or "
+            "change the panel size"
+        )
+    return CutShell(best.shell, _report(best, borders, size))
+
+
+def _rounds(
+    whole: Shell,
+    ground: Ground,
+    borders: Sequence[Border],
+    stations: list[Stations],
+    limits: Limits,
+    sizes: tuple[float, float],
+    along: FloatArray | None,
+    sides: Sequence[list[FlatSide]] = (),
+    wanted: Wanted | None = None,
+) -> tuple[_Attempt | None, MeshError | None]:
+    """Cut again and again, stations stepping aside; return the best cut, and why others failed."""
+    sag, size = sizes
     best: _Attempt | None = None
     failure: MeshError | None = None
     deepest = np.zeros((0, 3))
     idle = 0
+    folds = list(sides)
     for k in range(ROUNDS):
         measured: RimEdges | None = None
+        if wanted is not None:
+            stations = [
+                fold(whole, ground, one, at, flat, wanted)
+                for one, at, flat in zip(borders, stations, folds, strict=True)
+            ]
         fences = [
             build_fence(one, at, size / 12, along)
             for one, at in zip(borders, stations, strict=True)
@@ -223,18 +294,12 @@ def cut_shell(
             step_aside(ground, fence, margin, limits[1], sag, deepest, measured, k)
             for fence in fences
         ]
-    if best is None:
-        raise MeshError(
-            f"{failure}; no cut beside it is valid either: move the lattice or the border a "
-            "little, or change the panel size"
-        )
-    if best.rim.shortest < 1e-4 * size:
-        raise MeshError(
-            f"the cut leaves an edge of {best.rim.shortest:.1e} mm: the border meets a vertex of "
-            "the shell where it cannot step aside; move the lattice or the border a little, or "
-            "change the panel size"
-        )
-    return CutShell(best.shell, _report(best, borders, size))
+        if wanted is not None and measured is not None:
+            folds = [
+                shifted(flat, fence, measured, size)
+                for flat, fence in zip(folds, fences, strict=True)
+            ]
+    return best, failure
 
 
 def _attempt(
@@ -242,7 +307,7 @@ def _attempt(
     ground: Ground,
     fences: list[Fence],
     push: float,
-    limits: tuple[float, float, float, float],
+    limits: Limits,
 ) -> _Attempt:
     walks, first = [], 0
     for fence in fences:
@@ -260,7 +325,7 @@ def _attempt(
     except ValueError as error:
         raise LostWayError(f"a border touches a panel twice: {error}") from error
     tidied = tidy(patch, pieces.cut.tolist(), limits[0], limits[1])
-    shell = _shell(whole, patch, old, fences)
+    shell = shell_of_pieces(whole, patch, old, fences)
     measured = rim_edges(shell, limits[2], limits[3])
     return _Attempt(
         shell,
@@ -272,85 +337,8 @@ def _attempt(
     )
 
 
-def _shell(whole: Shell, patch: Patchwork, old: IntArray, fences: list[Fence]) -> Shell:
-    """Return the patchwork as a shell: panels in the order of the whole shell, then rim planes."""
-    triangles = patch.triangles()
-    rim = patch.rim
-    plane_of = np.concatenate([np.arange(len(patch.heights) - len(patch.copies)), patch.copies])
-    plane_of = plane_of.astype(np.int64)
-    centres = [np.zeros((0, 3))]
-    for fence in fences:
-        ends = np.roll(fence.points, -1, axis=0)
-        single = fence.border.points[:1]
-        centres.append((fence.points + ends) / 2 if len(fence.points) else single)
-    middle = np.concatenate(centres)
-
-    normals, heights = patch.normals, patch.heights
-    lids = [int(f) for f in _closed(patch)]
-    for lid in lids:
-        # A plane all around a hole has a closed ring, like a panel. A triangle of two further
-        # planes that nothing is built from opens it.
-        x = np.cross(normals[lid], np.eye(3)[np.abs(normals[lid]).argmin()])
-        x /= np.linalg.norm(x)
-        spare = np.stack([x, np.cross(normals[lid], x)])
-        n = len(normals)
-        triangles = np.vstack([triangles, [[lid, n, n + 1]]])
-        normals = np.vstack([normals, spare])
-        point = middle[plane_of[lid] - rim]
-        heights = np.append(heights, spare @ point)
-        plane_of = np.append(plane_of, [plane_of[lid]] * 2)
-
-    used = np.unique(triangles)
-    parent = np.full(len(normals), -1)
-    parent[:rim] = old
-    order = used[np.lexsort((used, np.where(parent[used] < 0, len(whole.normals), parent[used])))]
-    number = np.full(len(normals), -1)
-    number[order] = np.arange(len(order))
-    mine = parent[order]
-    own = mine >= 0
-    plane = plane_of[order] - rim
-    points = np.where(own[:, None], whole.points[mine], middle[np.maximum(plane, 0)])
-    gauss = np.where(own, whole.gauss_heights[mine], 0.0)
-    table = number[triangles]
-    parameters = whole.parameters
-    if len(parameters):
-        parameters = np.where(own, parameters[mine], 0.0)
-        # A rim plane has the parameter of a panel beside it.
-        rows, columns = np.nonzero(~own[table])
-        beside = table[rows, (columns + 1) % 3]
-        beside = np.where(own[beside], beside, table[rows, (columns + 2) % 3])
-        good = own[beside]
-        parameters[table[rows, columns][good]] = parameters[beside[good]]
-    first = np.lexsort((table.max(axis=1), table.min(axis=1)))
-    return Shell(
-        normals[order],
-        heights[order],
-        gauss,
-        table[first],
-        whole.kind,
-        points,
-        whole.step,
-        parameters,
-        whole,
-        mine,
-    )
-
-
-def _closed(patch: Patchwork) -> list[int]:
-    """Return the rim planes with a closed ring."""
-    planes = list(range(patch.rim, len(patch.heights)))
-    return [f for f, ring in patch.rings(planes).items() if ring]
-
-
 def _report(made: _Attempt, borders: Sequence[Border], size: float) -> CutReport:
     shell = made.shell
-    border = shell.edges[shell.edges[:, 3] < 0]
-    begin, end = shell.mesh.vertices[border[:, 0]], shell.mesh.vertices[border[:, 1]]
-    given = np.concatenate([one.points for one in borders])
-    onward = np.concatenate([np.roll(one.points, -1, axis=0) for one in borders])
-    spacing = size / 16
-    there = distance_to_segments(samples_of(begin, end, spacing), given, onward)
-    back = distance_to_segments(samples_of(given, onward, spacing), begin, end)
     return CutReport(
         panels=len(shell.panels),
         cut=made.cut,
@@ -358,7 +346,7 @@ def _report(made: _Attempt, borders: Sequence[Border], size: float) -> CutReport
         dropped=made.tidied.dropped,
         kept=made.tidied.kept,
         planes=int(np.count_nonzero(shell.parents[np.unique(shell.rings[3])] < 0)),
-        rim_distance=float(max(there.max(), back.max())),
+        rim_distance=border_distance(shell, borders, size / 16),
         ruling_angle=max(fence.angle for fence in made.fences),
         shortest_edge=made.rim.shortest,
         ways=tuple(fence.way for fence in made.fences),

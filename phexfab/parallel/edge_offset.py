@@ -147,6 +147,16 @@ def edge_offset_mesh(
     References
     ----------
     Thesis §6.2.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0), "edge")
+    >>> from phexfab.parallel.edge_offset import Ellipsoid
+    >>> dome = px.edge_offset_mesh(shell, Ellipsoid(2600.0, 2000.0, 1600.0))  # half axes, mm
+    >>> dome.shell.kind, len(dome.left)  # no panel crosses itself
+    ('edge', 0)
     """
     miss = offset_defect(replace(koebe, kind="edge"))
     if not miss.max(initial=0.0) <= 1e-9:

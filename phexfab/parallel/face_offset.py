@@ -139,6 +139,15 @@ def face_offset_image(mesh: PolyMesh, method: str = "angles") -> PolyMesh:
 def face_offset(mesh: PolyMesh, distance: float, method: str = "angles") -> PolyMesh:
     """Return the parallel mesh whose faces are shifted by ``distance`` mm along their normals.
 
+    Parameters
+    ----------
+    mesh : PolyMesh
+        M, mm; at most three faces at every vertex, faces planar.
+    distance : float, mm
+        Positive along the face normals.
+    method : ``"angles"`` or ``"planes"``
+        See ``face_offset_image``.
+
     Raises
     ------
     MeshError, DesignError
@@ -147,6 +156,15 @@ def face_offset(mesh: PolyMesh, distance: float, method: str = "angles") -> Poly
     References
     ----------
     Thesis §6.3.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> below = px.face_offset(shell.mesh, -90.0)  # mm
+    >>> px.classify_pair(shell.mesh, below).kind
+    'face'
     """
     image = face_offset_image(mesh, method)
     return PolyMesh(mesh.vertices + distance * image.vertices, mesh.corners, mesh.starts)

@@ -84,7 +84,8 @@ class Fence:
     angle : float
         Largest angle, degrees, between a ruling, or a plane, and the film's normal.
     way : str
-        How the planes were found: ``"fitted"``, ``"apex"``, ``"direction"`` or ``"flat"``.
+        How the planes were found: ``"fitted"``, ``"apex"``, ``"direction"``, ``"flat"`` or
+        ``"folded"``.
     """
 
     border: Border
@@ -162,6 +163,8 @@ def build_fence(
     best = min(found, key=lambda one: round(float(chords.leans(one[1])[0].max()), 6))
     way, normals = best
     lean, rulings = chords.leans(normals)
+    if np.isfinite(stations.planes[:, 3]).all():
+        way = "flat" if stations.fixed.all() else "folded"
     worst = int(lean.argmax())
     m = len(stations.along)
     if not lean[worst] <= STEEP:

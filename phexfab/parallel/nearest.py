@@ -58,9 +58,23 @@ def nearest_member(
     weights : (V,) array, optional
         Weight of every vertex' squared distance; at least one for each dimension must not be 0.
 
+    Raises
+    ------
+    MeshError
+        If the target is of another size.
+
     References
     ----------
     Thesis §4.1.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> wish = shell.mesh.vertices + [0, 0, 100] * (shell.mesh.vertices[:, :1] > 0)  # mm
+    >>> px.is_parallel(shell.mesh, px.nearest_member(shell.mesh, wish))
+    True
     """
     space = _space(where)
     step = _points(space, target) - space.mesh.vertices
@@ -123,6 +137,17 @@ def admissible_member(
     References
     ----------
     Thesis §4.1; Mehrotra 1992.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> from phexfab.parallel.pairs import ratios
+    >>> wish = shell.mesh.vertices * [1.0, 1.0, -1.0]  # upside down
+    >>> made = px.admissible_member(shell.mesh, wish, lower=0.2)
+    >>> print(f"{ratios(shell.mesh, made).min():.3f}")  # no edge is flipped
+    0.200
     """
     space = _space(where)
     scale = mean_edge(space.mesh)
@@ -235,6 +260,18 @@ def deform(
     References
     ----------
     Thesis §4.1.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> corners = shell.mesh.vertices[[0, 40]]
+    >>> pulled = px.deform(shell.mesh, [0, 40], corners + [[0, 0, 50.0], [0, 0, 0]])  # mm
+    >>> print(f"{abs(pulled.mesh.vertices[0] - corners[0]).max():.1f}")
+    50.0
+    >>> px.is_parallel(shell.mesh, pulled.mesh)
+    True
     """
     space = _space(where)
     index = np.asarray(vertices, np.int64).reshape(-1)

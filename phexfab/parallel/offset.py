@@ -31,6 +31,23 @@ def admissible_interval(shell: Shell) -> tuple[float, float]:
 
     An edge vanishes at d = −c, so the limits are −min{c > 0} and min{|c| : c < 0}; infinite
     where no such edge exists.
+
+    Parameters
+    ----------
+    shell : Shell
+
+    References
+    ----------
+    Thesis §4.2.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> low, high = px.admissible_interval(shell)
+    >>> print(f"{low:.0f} mm < d < {high:.0f} mm")
+    -746 mm < d < 1514 mm
     """
     return flip_interval(edge_ratios(shell))
 
@@ -53,6 +70,20 @@ def offset(shell: Shell, distance: float) -> Shell:
     References
     ----------
     Thesis §4.2; Pottmann et al. 2007, "Geometry of multi-layer freeform structures", sec. 3.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> below = px.offset(shell, -90.0)  # mm
+    >>> px.classify_pair(shell.mesh, below.mesh).kind  # faces keep their distance
+    'face'
+    >>> px.offset(shell, 5000.0)
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.OffsetLimitError: offset.distance = 5000 mm: edge ... of the shell would flip;
+        keep the distance between -746.1 and 1514.2 mm, or make the panels larger
     """
     low, high = admissible_interval(shell)
     if not low < distance < high:
@@ -89,6 +120,20 @@ def node_axes(shell: Shell) -> FloatArray:
 
     All mid-planes of the beams at a vertex of ``shell.mesh`` contain its axis, so nodes are free
     of torsion (thesis §4.4).
+
+    Parameters
+    ----------
+    shell : Shell
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> axes = px.node_axes(shell)
+    >>> below = shell.mesh.vertices - 90.0 * axes  # mm, along the axes
+    >>> axes.shape == below.shape
+    True
     """
     s = shell.gauss.vertices
     return s / np.linalg.norm(s, axis=1, keepdims=True)

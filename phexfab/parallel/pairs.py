@@ -90,6 +90,14 @@ def is_parallel(mesh: PolyMesh, other: PolyMesh, tolerance: float = 1e-9) -> boo
     References
     ----------
     Thesis §4.1.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> px.is_parallel(shell.mesh, px.offset(shell, -90.0).mesh)
+    True
     """
     return same_faces(mesh, other) and bool(
         (parallelism(mesh, other) <= tolerance).all()  # not a number is not parallel
@@ -140,6 +148,15 @@ def blend(
     References
     ----------
     Thesis §4.1, fig. 4.2.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> half_way = px.blend([shell.mesh, px.offset(shell, -90.0).mesh], [0.5, 0.5])
+    >>> print(f"{px.classify_pair(shell.mesh, half_way).distance:.1f} mm")
+    -45.0 mm
     """
     if not members or len(members) != len(weights):
         raise MeshError(f"{len(members)} members and {len(weights)} weights: give one weight each")
@@ -180,6 +197,14 @@ def pair_interval(mesh: PolyMesh, gauss: PolyMesh) -> tuple[float, float]:
     References
     ----------
     Thesis §4.2.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> px.pair_interval(shell.mesh, shell.gauss) == px.admissible_interval(shell)
+    True
     """
     return flip_interval(_pair_ratios(mesh, gauss)[0])
 
@@ -216,6 +241,15 @@ def offset_pair(mesh: PolyMesh, gauss: PolyMesh, distance: float) -> PolyMesh:
     References
     ----------
     Thesis §4.2–4.3.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> below = px.offset_pair(shell.mesh, shell.gauss, -90.0)  # mm
+    >>> bool(abs(below.vertices - px.offset(shell, -90.0).mesh.vertices).max() < 1e-9)
+    True
     """
     ratio, pairs = _pair_ratios(mesh, gauss)
     low, high = flip_interval(ratio)
@@ -247,6 +281,15 @@ def gauss_from_pair(mesh: PolyMesh, offset: PolyMesh, distance: float | None = N
     References
     ----------
     Thesis §4.3.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> gauss = px.gauss_from_pair(shell.mesh, px.offset(shell, -90.0).mesh)
+    >>> bool(abs(gauss.vertices - shell.gauss.vertices).max() < 1e-10)
+    True
     """
     require_same_faces(mesh, offset)
     d = classify_pair(mesh, offset).distance if distance is None else distance
@@ -324,6 +367,15 @@ def classify_pair(mesh: PolyMesh, offset: PolyMesh, tolerance: float = 1e-6) -> 
     References
     ----------
     Thesis §4.2, 4.4.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> pair = px.classify_pair(shell.mesh, px.offset(shell, -90.0).mesh)
+    >>> print(pair.kind, f"{pair.distance:.3f} mm")
+    face -90.000 mm
     """
     measured = pair_distances(mesh, offset)
     sine, edge = worst_edge(mesh, offset)

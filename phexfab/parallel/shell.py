@@ -63,6 +63,16 @@ class Shell:
 
     Faces whose ring of triangles does not close are *border planes*: they trim the border panels
     and carry the boundary heights, but are no panels. ``panels`` lists the others.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> len(shell.panels), len(shell.edges), len(shell.mesh.vertices)
+    (27, 101, 75)
+    >>> shell.mesh.vertices.shape == shell.gauss.vertices.shape
+    True
     """
 
     normals: FloatArray

@@ -208,6 +208,15 @@ def shell_of_mesh(
     References
     ----------
     Thesis §4.1.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> again = px.shell_of_mesh(shell.mesh, shell.gauss)
+    >>> bool(abs(again.mesh.vertices - shell.mesh.vertices).max() < 1e-9)
+    True
     """
     if border not in ("planes", "panels"):
         raise MeshError(f'border = "{border}"; use "planes" or "panels"')

@@ -141,6 +141,15 @@ def parallel_space(
     References
     ----------
     Thesis §4.1.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> space = px.parallel_space(shell.mesh)
+    >>> space.dimension, space.method
+    (50, 'heights')
     """
     if method not in ("auto", "heights", "directions"):
         raise MeshError(f'method = "{method}"; use "auto", "heights" or "directions"')

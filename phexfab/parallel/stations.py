@@ -159,13 +159,36 @@ def _side_stations(
     open_side: bool,
 ) -> list[float]:
     """Return mm along the border of the stations strictly inside a side."""
+    length = (end - start) % border.length or border.length
+    middle = middles_of_arcs(finder, border, start, end, size, 2.5 * shortest, open_side)
+    ends = [start, start + length] if open_side else []
+    least = 0 if open_side else 3
+    if len(middle) < least:
+        middle = (start + length * (np.arange(least) + 0.5) / least).tolist()
+    wanted = _thin(border, middle, ends, STRAIGHT * sagitta, size, least)
+    return _refine(border, wanted, ends, sagitta, size)
+
+
+def middles_of_arcs(
+    finder: PanelFinder,
+    border: Border,
+    start: float,
+    end: float,
+    size: float,
+    least: float,
+    open_side: bool = True,
+) -> list[float]:
+    """Return mm along the border of the middles of its arcs in panels, those of a side's ends not.
+
+    Arcs shorter than ``least``, or than a share of the median arc, are left out.
+    """
     stops = border.between(start, end, min(size / 24, border.length / 48))
     if not open_side:
         stops = stops[:-1]
     panels = finder.find(*border.at(stops))
     change = np.flatnonzero(panels[1:] != panels[:-1]) + 1
     bounds = np.concatenate([[0], change, [len(stops)]])
-    length = end - start if end > start else end - start + border.length
+    length = (end - start) % border.length or border.length
     edges = np.append(stops, start + length)[bounds]
     first, last, of = edges[:-1], edges[1:], panels[bounds[:-1]]
     if not open_side and len(of) > 1 and of[0] == of[-1]:  # the arc around the seam is one
@@ -175,14 +198,8 @@ def _side_stations(
     if open_side:
         keep[[0, -1]] = False  # the corners are stations of their panels
     span = last - first
-    keep &= span >= max(SHORT_ARC * np.median(span), 2.5 * shortest)
-    middle = ((first + last) / 2)[keep].tolist()
-    ends = [start, start + length] if open_side else []
-    least = 0 if open_side else 3
-    if len(middle) < least:
-        middle = (start + length * (np.arange(least) + 0.5) / least).tolist()
-    wanted = _thin(border, middle, ends, STRAIGHT * sagitta, size, least)
-    return _refine(border, wanted, ends, sagitta, size)
+    keep &= span >= max(SHORT_ARC * np.median(span), least)
+    return [float(s) for s in ((first + last) / 2)[keep]]
 
 
 def deviation(border: Border, a: float, b: float, size: float) -> float:

@@ -84,6 +84,15 @@ def nearest_offset_mesh(mesh: PolyMesh, kind: str, steps: int = 40) -> OffsetMes
     References
     ----------
     Thesis §4.4, ch. 6.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0))
+    >>> found = px.nearest_offset_mesh(shell.mesh, "vertex")
+    >>> print(f"vertices moved by up to {found.moved.max():.2f} mm")
+    vertices moved by up to 0.46 mm
     """
     if not is_simple(mesh):
         raise MeshError(

@@ -119,6 +119,17 @@ def inscribed_parallel(
     References
     ----------
     Thesis §4.4.1, §6.1.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper").scaled(3000.0)  # mm
+    >>> shell = px.minimal_shell(surface, px.lattice_on(surface, panel_size=500.0), "vertex")
+    >>> found = px.inscribed_parallel(shell.mesh)
+    >>> found.freedom  # any first vertex closes
+    2
+    >>> bool(found.gaps.max() < 1e-9)
+    True
     """
     pairs = edges(mesh)
     used = np.unique(mesh.corners)

@@ -41,6 +41,13 @@ class Lattice:
         grown on a film, where w is no global coordinate and ``points`` are these parameters.
     density : (F,) float or None
         ``|dw̃/dw|``, where the lattice is regular in w̃ rather than in w itself; None for 1.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> on = px.lattice_on(px.minimal_surface("scherk-1").scaled(2000.0), panel_size=500.0)
+    >>> len(on.points), len(on.triangles), on.closed
+    (259, 457, False)
     """
 
     points: ComplexArray
@@ -119,6 +126,19 @@ def lattice(
     References
     ----------
     Thesis §5.1.3; Wang, Liu et al. 2008, "Hexagonal meshes with planar faces".
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> on = px.lattice((-1, 1, -1, 1), step=0.4)
+    >>> len(on.points), len(on.triangles)
+    (31, 43)
+    >>> px.lattice((-1, 1, -1, 1), step=0.4, row_ratio=0.4)
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.LatticeError: lattice.turn = 0°, lattice.row_ratio = 0.4: an edge family runs
+        6.3° from an asymptotic direction, where panel edges vanish; keep turn near 0° and row_ratio
+        above 0.5 (0.866 is equilateral)
     """
     if rows_along not in ("u", "v"):
         raise LatticeError(f"lattice.rows_along = {rows_along!r}: choose 'u' or 'v'")

@@ -24,12 +24,14 @@ def sheet_drawing(sheet: Sheet, flats: Mapping[str, FlatPart], engraving: Engrav
     sheet : Sheet
     flats : mapping of mark to FlatPart
     engraving : mapping of mark to polylines
-        In the coordinates of the flat part; parts without any get their mark as text.
+        In the coordinates of the flat part. It is most of what a sheet holds, so the page carries
+        it compressed (``engraved_paths``); parts without any get their mark as text.
     """
     stock = sheet.stock
     border = 0.006 * stock.length
     parts = "\n".join(
-        _part(flats[p.mark], p, stock.width, engraving.get(p.mark, ())) for p in sheet.placements
+        _part(flats[p.mark], p, stock.width, bool(len(engraving.get(p.mark, ()))))
+        for p in sheet.placements
     )
     box = " ".join(f"{x:.1f}" for x in (stock.length + 2 * border, stock.width + 2 * border))
     free = (
@@ -53,14 +55,19 @@ def sheet_drawing(sheet: Sheet, flats: Mapping[str, FlatPart], engraving: Engrav
     )
 
 
-def _part(flat: FlatPart, spot: Placement, height: float, strokes: Sequence[FloatArray]) -> str:
+def engraved_paths(sheets: Sequence[Sheet], engraving: Engraving) -> list[list[str]]:
+    """Return the engraving of every part of every sheet as a path in tenths of a millimetre."""
+    return [
+        [_strokes(engraving.get(p.mark, ()), p, sheet.stock.width) for p in sheet.placements]
+        for sheet in sheets
+    ]
+
+
+def _part(flat: FlatPart, spot: Placement, height: float, engraved: bool) -> str:
     outline = _upright(placed(flat.outline, spot), height)
     mark = escape(flat.mark)
     lines = f'<path class="cut" d="{_contour(outline)}"/>'
-    if len(strokes):
-        drawn = _strokes(strokes, spot, height)
-        lines += f'<path class="engrave" transform="scale(.1)" d="{drawn}"/>'
-    else:
+    if not engraved:
         lines += _label(mark, flat, spot, height)
     return f'<g class="part" data-mark="{mark}"><title>{mark}</title>{lines}</g>'
 
@@ -100,8 +107,10 @@ def _contour(points: FloatArray) -> str:
 def _strokes(strokes: Sequence[FloatArray], spot: Placement, height: float) -> str:
     """Return all polylines as one path in tenths of a millimetre, each step from the last point.
 
-    Most of the page is engraving: whole numbers and small steps make it a third as long.
+    Whole numbers and small steps make it a third as long; no polylines make an empty path.
     """
+    if not len(strokes):
+        return ""
     counts = np.array([len(line) for line in strokes], np.int64)
     points = _upright(placed(np.concatenate([np.asarray(s, float) for s in strokes]), spot), height)
     tenths = np.rint(10 * points).astype(np.int64)

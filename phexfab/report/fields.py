@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.curvature import face_fields
 from phexfab.parallel.shell import Shell
 from phexfab.report.camera import View
@@ -34,11 +35,16 @@ class PanelField:
         return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
 
     @property
+    def varies(self) -> bool:
+        """False where the values differ by no more than rounding errors."""
+        low, high = self.limits
+        return high - low > 1e-9 * max(abs(low), abs(high))
+
+    @property
     def positions(self) -> FloatArray:
         """(P,) place of each value on the colour ramp, 0 to 1; NaN where it is not finite."""
         low, high = self.limits
-        # A spread of rounding errors is no spread: such a field is one colour.
-        if high - low <= 1e-9 * max(abs(low), abs(high)):
+        if not self.varies:  # such a field is one colour
             return np.where(np.isfinite(self.values), 0.5, np.nan)
         place = (self.values - low) / (high - low)
         return np.where(np.isfinite(self.values), place, np.nan)
@@ -86,6 +92,21 @@ def shell_view(shell: Shell) -> View:
     if flat < 0.1 * np.linalg.norm(mean):
         return View(standard.azimuth, elevation)
     return View(float(np.degrees(np.arctan2(mean[1], mean[0]))) - 28, elevation)
+
+
+def gauss_mesh(shell: Shell) -> PolyMesh:
+    """Return the faces of S to be drawn, one for each panel.
+
+    A face of S that a rim plane cuts is bounded by nothing but that plane's height, and may reach
+    far beyond the sphere; the face of the panel before the cut is drawn for it.
+    """
+    before = shell.whole
+    if before is None:
+        return shell.gauss
+    faces = np.searchsorted(before.panels, shell.parents[shell.panels])
+    gauss = before.gauss
+    corners = [gauss.corners[gauss.starts[f] : gauss.starts[f + 1]].tolist() for f in faces]
+    return PolyMesh.from_faces(gauss.vertices, corners)
 
 
 def face_marks(shell: Shell, marks: Sequence[tuple[int, str]]) -> tuple[str, ...]:

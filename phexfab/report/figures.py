@@ -10,16 +10,17 @@ import io
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.errors import PhexError
+from phexfab.fabrication.layout import placed
 from phexfab.fabrication.parts import FlatPart, Parts, Sheet
 from phexfab.parallel.shell import Shell
 from phexfab.report.camera import View
-from phexfab.report.fields import PanelField, face_marks, panel_fields, shell_view
+from phexfab.report.fields import PanelField, face_marks, gauss_mesh, panel_fields, shell_view
 from phexfab.report.scene import (
     Layer,
     assembly_layers,
@@ -28,6 +29,9 @@ from phexfab.report.scene import (
     sphere_layer,
 )
 from phexfab.report.shade import picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FloatArray = NDArray[np.float64]
 Target = str | PathLike[str] | BinaryIO | None
@@ -121,10 +125,16 @@ def gauss_figure(
     colours: int | None = None,
 ) -> bytes:
     """Return a picture of S around a faint unit sphere, its faces coloured like those of M."""
-    paint = _field(shell, field).colours
-    layer = gauss_layer(shell.gauss, face_marks(shell, ()), paint)
+    image = gauss_picture(shell, _field(shell, field).colours, size, view or shell_view(shell))
+    return _png(image, target, colours)
+
+
+def gauss_picture(
+    shell: Shell, paint: FloatArray, size: tuple[int, int], view: View, relief: float = 1.0
+) -> FloatArray:
+    """Return an (height, width, 4) picture of S in (P, 3) colours; see ``shade.picture``."""
+    layer = gauss_layer(gauss_mesh(shell), face_marks(shell, ()), paint)
     sphere = sphere_layer(96)
-    look = view or shell_view(shell)
     framing = np.concatenate([sphere.vertices, layer.vertices])
     image: FloatArray = np.zeros((size[1], size[0], 4))
     # From far to near: S behind the sphere, the sphere as a haze, S in front of it.
@@ -133,9 +143,10 @@ def gauss_figure(
         ((sphere,), "both", 0.62),
         ((layer,), "front", 1.0),
     ):
-        over = opacity * picture(layers, size, look, lights=0, side=side, framing=framing)
+        seen = picture(layers, size, view, lights=0, side=side, framing=framing, relief=relief)
+        over = opacity * seen
         image = over + (1 - over[..., 3:]) * image
-    return _png(image, target, colours)
+    return image
 
 
 def sheet_figure(
@@ -158,10 +169,7 @@ def sheet_figure(
         In pixels; the height follows from the sheet.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.figure import Figure
-
-    from phexfab.fabrication.layout import placed
 
     length, breadth = sheet.stock.length, sheet.stock.width
     border = 0.01 * length
@@ -172,20 +180,32 @@ def sheet_figure(
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(-border, length + border), ylim=(-border, breadth + border))
     axes.set_axis_off()
-    frame = [[(0, 0), (length, 0), (length, breadth), (0, breadth)]]
-    contours = [placed(flats[p.mark].outline, p) for p in sheet.placements]
-    strokes = [
-        placed(line, p) for p in sheet.placements for line in (engraving or {}).get(p.mark, ())
-    ]
-    axes.add_collection(PolyCollection(frame, facecolors="white", edgecolors="#9aa3ab"))
-    axes.add_collection(
-        PolyCollection(contours, facecolors="#f0ebdd", edgecolors="#22303c", linewidths=0.7)
-    )
-    axes.add_collection(LineCollection(strokes, colors="#b4552f", linewidths=0.6))
+    draw_sheet(axes, sheet, flats, engraving or {})
     buffer = io.BytesIO()
     # The library would write its own version into the file.
     figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
     return _deliver(buffer.getvalue(), target)
+
+
+def draw_sheet(
+    axes: Axes,
+    sheet: Sheet,
+    flats: Mapping[str, FlatPart],
+    engraving: Mapping[str, Sequence[FloatArray]],
+    weight: float = 0.7,
+) -> None:
+    """Draw stock, contours and engraving into axes whose units are millimetres."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    length, breadth = sheet.stock.length, sheet.stock.width
+    frame = [[(0, 0), (length, 0), (length, breadth), (0, breadth)]]
+    contours = [placed(flats[p.mark].outline, p) for p in sheet.placements]
+    strokes = [placed(line, p) for p in sheet.placements for line in engraving.get(p.mark, ())]
+    axes.add_collection(PolyCollection(frame, facecolors="white", edgecolors="#9aa3ab"))
+    axes.add_collection(
+        PolyCollection(contours, facecolors="#f0ebdd", edgecolors="#22303c", linewidths=weight)
+    )
+    axes.add_collection(LineCollection(strokes, colors="#b4552f", linewidths=0.85 * weight))
 
 
 def _field(shell: Shell, name: str) -> PanelField:

@@ -6,7 +6,6 @@ a content policy in its head forbids the rest.
 
 from __future__ import annotations
 
-import base64
 from html import escape
 from importlib import resources
 from os import PathLike
@@ -18,12 +17,14 @@ from phexfab.report.charts import histogram
 from phexfab.report.data import ReportData
 from phexfab.report.drawings import sheet_drawing
 from phexfab.report.fields import RAMP, panel_fields, shell_view
-from phexfab.report.figures import assembly_figure, gauss_figure, shell_figure
-from phexfab.report.pack import dump, page_scenes
+from phexfab.report.figures import gauss_figure, shell_figure
+from phexfab.report.pack import page_data
+from phexfab.report.stage import image, stage
 from phexfab.report.summary import key_figures, materials_table
 from phexfab.report.text import label, number, quantity
 from phexfab.whole import whole
 
+_SCRIPTS = ("payload.js", "shaders.js", "drawing.js", "view.js", "stage.js")
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
@@ -47,7 +48,6 @@ def report_html(data: ReportData) -> str:
     """Return the report as HTML; see ``write_report``."""
     title = escape(data.title)
     sections = (
-        _assembly(data),
         _checks(data),
         _shell(data),
         _charts(data),
@@ -60,14 +60,20 @@ def report_html(data: ReportData) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{title}</title>\n<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n"
-        f"{_header(data)}\n<main>\n{''.join(sections)}</main>\n{_footer(data)}\n"
-        f'<script type="application/json" id="report-data">{dump(page_scenes(data))}</script>\n'
-        f"<script>\n{_asset('view.js')}</script>\n</body>\n</html>\n"
+        f"{_header(data)}\n{stage(data)}<main>\n{''.join(sections)}</main>\n{_footer(data)}\n"
+        f'<script type="application/octet-stream" id="report-data">{page_data(data)}</script>\n'
+        f"<script>\n{_script()}</script>\n</body>\n</html>\n"
     )
 
 
 def _asset(name: str) -> str:
     return resources.files("phexfab.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _script() -> str:
+    """Return the page's script: its files, one after the other, with names of their own."""
+    files = "".join(_asset(name) for name in _SCRIPTS)
+    return f'(async () => {{\n"use strict";\n{files}}})();\n'
 
 
 def _header(data: ReportData) -> str:
@@ -80,30 +86,13 @@ def _header(data: ReportData) -> str:
     else:
         kind, word, says = "pass", "PASS", f"all {total} checks keep their limits"
     items = "".join(
-        f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in key_figures(data)
+        f"<div><dt>{name}</dt><dd>{value}{f' <small>{unit}</small>' if unit else ''}</dd></div>"
+        for name, value, unit in key_figures(data.shell, data.parts, len(data.sheets))
     )
     return (
-        f'<header><div class="headline"><div><p class="kind">Build report</p>'
-        f"<h1>{escape(data.title)}</h1></div>"
+        f'<header><div class="headline"><h1>{escape(data.title)}</h1>'
         f'<p class="verdict"><strong class="{kind}">{word}</strong><span>{says}</span></p></div>'
         f'<dl class="key">{items}</dl></header>'
-    )
-
-
-def _assembly(data: ReportData) -> str:
-    parts = data.parts
-    if not (parts.panels or parts.beams or parts.nodes):
-        return ""
-    picture = assembly_figure(parts, size=(1440, 864), view=shell_view(data.shell), colours=256)
-    hint = "Drag to turn, shift-drag to move, click then wheel to zoom, double-click to go back."
-    find = (
-        '<span class="find"><input type="search" id="find" size="14" placeholder="Find a mark" '
-        'aria-label="Find a part by its mark"></span>'
-    )
-    return (
-        f'<figure class="hero" data-scene="assembly"><div class="frame">'
-        f"{_image(picture, 'The assembly: panels, beams and nodes')}</div>"
-        f'<div class="tools"><span class="hint">{hint}</span>{find}</div></figure>\n'
     )
 
 
@@ -115,8 +104,10 @@ def _shell(data: ReportData) -> str:
     low, high = (quantity(limit, fields[0].unit, 3) for limit in fields[0].limits)
     ramp = f"background:linear-gradient(90deg,{','.join(RAMP)})"
     scale = (
-        f'<span class="scale"><span>{low}</span><i style="{ramp}"></i><span>{high}</span></span>'
+        f'<span class="scale" id="ramp"><span>{low}</span><i style="{ramp}"></i>'
+        f"<span>{high}</span></span>"
     )
+    paint = '<label hidden>Colour by <select id="field"></select></label>'
     shell = shell_figure(data.shell, size=(960, 768), view=look, colours=256)
     gauss = gauss_figure(data.shell, size=(960, 768), view=look, colours=256)
     return (
@@ -125,17 +116,14 @@ def _shell(data: ReportData) -> str:
         "the same colour, and each corner of S is the axis of a node of M. "
         f"Coloured by {fields[0].name} in this picture.</p>"
         '<div class="pair">'
-        f'<figure data-scene="shell"><div class="frame">{_image(shell, "The shell M")}</div>'
-        f'<div class="tools">{scale}</div></figure>'
-        f'<figure data-scene="gauss"><div class="frame">'
-        f"{_image(gauss, 'The Gauss image S around the unit sphere')}</div>"
+        '<figure data-scene="shell" data-view="shell" data-pose="pair" data-name="The shell M">'
+        f'<div class="frame">{image(shell, "The shell M")}</div>'
+        f'<div class="tools">{paint}{scale}</div></figure>'
+        '<figure data-scene="gauss" data-view="gauss" data-pose="pair" '
+        'data-name="The Gauss image S around the unit sphere"><div class="frame">'
+        f"{image(gauss, 'The Gauss image S around the unit sphere')}</div>"
         '<div class="tools"></div></figure></div></section>\n'
     )
-
-
-def _image(png: bytes, text: str) -> str:
-    code = base64.b64encode(png).decode("ascii")
-    return f'<img alt="{escape(text)}" src="data:image/png;base64,{code}">'
 
 
 def _checks(data: ReportData) -> str:
@@ -157,9 +145,11 @@ def _check(check: CheckResult) -> str:
     sign = "≤" if check.sense == "<=" else "≥"
     word = "pass" if check.ok else "fail"
     worst = escape(check.worst)
-    button = f'<button type="button" data-mark="{worst}">{worst}</button>' if worst else ""
+    name = label(check.name)
+    button = f'<button type="button">{worst}</button>' if worst else ""
     return (
-        f"<tr{'' if check.ok else ' class=bad'}><td>{label(check.name)}</td>"
+        f'<tr data-worst="{worst}" data-name="{name}"{"" if check.ok else " class=bad"}>'
+        f"<td>{name}</td>"
         f'<td class="n">{value}</td>'
         f'<td class="n">{sign} {limit}</td><td class="v {word}">{word.upper()}</td>'
         f'<td>{button}</td><td class="note">{escape(check.note)}</td></tr>'

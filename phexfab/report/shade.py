@@ -23,6 +23,7 @@ IntArray = NDArray[np.int64]
 INK = np.array([0.10, 0.13, 0.17])
 _FLOOR, _SUN_SHARE, _SKY_SHARE, _GROUND_SHARE = 0.27, 0.52, 0.48, 0.22
 _SUN_SAMPLES, _SUN_RADIUS = 5, 0.06
+_SHOULDER, _REST = 0.80, 0.35  # light beyond which it is dimmed, and the most that is added
 _MAP = 768  # pixels across a shadow map
 _BIAS = 1.5  # its pixels: how far a surface is lifted out of its own shadow
 _OUTLINE, _CREASE, _SHADOW = 0.62, 0.40, 0.5  # how dark parts, faces and the ground are drawn
@@ -86,6 +87,7 @@ def picture(
     margin: float = 0.04,
     side: str = "both",
     framing: FloatArray | None = None,
+    relief: float = 1.0,
 ) -> FloatArray:
     """Return an (height, width, 4) picture, 0 to 1, colour premultiplied by its coverage.
 
@@ -107,6 +109,8 @@ def picture(
         Of open layers, draw the ``"front"``, the ``"back"`` or ``"both"``.
     framing : (n, 3) array, optional
         Points the camera is fitted to instead of the scene's own.
+    relief : float
+        How much of light and shade is shown; less where colours are to be read off a scale.
     """
     scene = gather(layers)
     width, height = size[0] * supersample, size[1] * supersample
@@ -119,7 +123,7 @@ def picture(
             slack = 0.05 * camera.distance
             near = max(min(camera.near, float(away.min()) - slack), 0.02 * camera.distance)
             camera = replace(camera, near=near, far=max(camera.far, float(away.max()) + slack))
-        _draw(image, scene, camera, view, lights, ground, side, supersample)
+        _draw(image, scene, camera, view, lights, ground, side, supersample, relief)
     blocks = image.reshape(size[1], supersample, size[0], supersample, 4)
     return np.asarray(blocks.mean((1, 3)), np.float64)
 
@@ -133,6 +137,7 @@ def _draw(
     ground: bool,
     side: str,
     supersample: int,
+    relief: float,
 ) -> None:
     height, width = image.shape[:2]
     towards = np.einsum("ij,ij->i", scene.normals, camera.eye - scene.corners[:, 0])
@@ -154,7 +159,8 @@ def _draw(
     away = camera.away(depth.ravel()[pixels[one]])
     point = camera.eye + away[:, None] * camera.rays(x + 0.5, y + 0.5)
     normal = scene.normals[lit] * np.where(towards[lit] > 0, 1.0, -1.0)[:, None]
-    shade = scene.colours[lit] * _light(point, normal, sky, maps)[:, None]
+    light = 1 + relief * (_light(point, normal, sky, maps) - 1)
+    shade = scene.colours[lit] * light[:, None]
     opaque = np.column_stack([np.minimum(shade, 1), np.ones(len(shade))]).astype(np.float32)
     image.reshape(-1, 4)[pixels] = opaque[which]
     _ink(image, scene, seen, depth)
@@ -257,7 +263,9 @@ def _light(
         if maps is not None and placed is not None:
             facing = facing[~maps.shadowed(placed[:, facing], k)]
         total[facing] += sky.weight[k] * cosine[facing]
-    return total
+    # A shoulder, as of film: what lies open to sky and sun keeps its colour, and folds still show.
+    bright = np.maximum(total - _SHOULDER, 0.0)
+    return np.minimum(total, _SHOULDER) + _REST * -np.expm1(-bright / _REST)
 
 
 def _ink(image: NDArray[np.float32], scene: Scene, tri: IntArray, depth: FloatArray) -> None:

@@ -7,30 +7,27 @@ from html import escape
 import numpy as np
 
 from phexfab.fabrication.parts import Beam, Node, Panel, Parts
-from phexfab.report.data import ReportData
+from phexfab.parallel.shell import Shell
 from phexfab.report.text import number, quantity
 
 
-def key_figures(data: ReportData) -> list[tuple[str, str]]:
-    """Return the header's figures as (name, HTML)."""
-    parts, shell = data.parts, data.shell
+def key_figures(shell: Shell, parts: Parts, n_sheets: int) -> list[tuple[str, str, str]]:
+    """Return what a shell is in a few numbers, as (name, value, unit)."""
     made: tuple[Panel | Beam | Node, ...] = (*parts.panels, *parts.beams, *parts.nodes)
     mass = sum(part.mass for part in made)
-    mesh = shell.mesh
-    figures = [("Panels", number(len(parts.panels))), ("Beams", number(len(parts.beams)))]
-    if parts.nodes:
-        figures.append(("Nodes", number(len(parts.nodes))))
-    else:
-        figures.append(("Nodes", f"{number(len(mesh.vertices))} <small>no hubs</small>"))
-    if len(mesh.vertices):
-        size = " × ".join(f"{s / 1000:.2f}" for s in np.ptp(mesh.vertices, axis=0))
-        figures.append(("Size", f"{size} <small>m</small>"))
+    points = shell.mesh.vertices
+    figures = [("Panels", number(len(parts.panels)), ""), ("Beams", number(len(parts.beams)), "")]
+    hubs = len(parts.nodes)
+    figures.append(("Nodes", number(hubs or len(points)), "" if hubs else "no hubs"))
+    if len(points):
+        size = " × ".join(f"{s / 1000:.2f}" for s in np.ptp(points, axis=0))
+        figures.append(("Size", size, "m"))
     area = sum(panel.area for panel in parts.panels) / 1e6
-    figures.append(("Panel area", f"{number(area, 3)} <small>m²</small>"))
+    figures.append(("Panel area", number(area, 3), "m²"))
     heavy = mass >= 10_000
     shown = number(mass / 1000 if heavy else round(mass, 1), 3 if heavy else 4)
-    figures.append(("Mass", f"{shown} <small>{'t' if heavy else 'kg'}</small>"))
-    figures.append(("Sheets", number(len(data.sheets))))
+    figures.append(("Mass", shown, "t" if heavy else "kg"))
+    figures.append(("Sheets", number(n_sheets), ""))
     return figures
 
 

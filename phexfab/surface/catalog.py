@@ -137,6 +137,19 @@ def surface(name: str, **options: Any) -> MinimalSurface:
     SurfaceError
         If the name or an option is unknown, or an option has an impossible value; the message
         lists what exists.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = px.minimal_surface("catenoid").scaled(1200.0)  # a neck of 1.2 m radius, in mm
+    >>> film.period  # all the way around in v
+    6.283185307179586j
+    >>> px.minimal_surface("enneper", order=2).name
+    'enneper of order 2'
+    >>> px.minimal_surface("sherk-1")
+    Traceback (most recent call last):
+        ...
+    phexfab.errors.SurfaceError: there is no surface 'sherk-1'; did you mean 'scherk-1'? ...
     """
     if name not in catalog:
         raise SurfaceError(

@@ -50,6 +50,15 @@ def from_weierstrass(
     ------
     SurfaceError
         If the base is an umbilic, a branch point or an end, or g is constant (a plane).
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> own = px.from_weierstrass(lambda z: z**2, lambda z: 1 / z, base=0.6, scale=3000.0)
+    >>> print(f"{own.gaussian_curvature(0.6):.2e} per mm²")
+    -5.66e-07 per mm²
+    >>> bool(abs(own.mean_curvature(0.6)) < 1e-15)
+    True
     """
     slope = derivative(g, radius) if gauss_map_derivative is None else gauss_map_derivative
     surface = MinimalSurface(
@@ -84,6 +93,15 @@ def from_height_differential(g: ComplexMap, dh: ComplexMap, **options: Any) -> M
         Analytic functions of complex arrays.
     **options
         As for `from_weierstrass`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import phexfab as px
+    >>> one = px.from_height_differential(lambda z: z**2, lambda z: z, base=0.6, scale=3000.0)
+    >>> same = px.from_weierstrass(lambda z: z**2, lambda z: 1 / z, base=0.6, scale=3000.0)
+    >>> bool(np.allclose(one.point(0.7), same.point(0.7)))
+    True
     """
     return from_weierstrass(g, lambda z: evaluate(dh, z) / evaluate(g, z), **options)
 
@@ -150,6 +168,18 @@ def associate(surface: MinimalSurface, angle: float) -> MinimalSurface:
     References
     ----------
     Thesis ch. 2 (Bonnet transformation).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import phexfab as px
+    >>> catenoid = px.minimal_surface("catenoid").scaled(1000.0)
+    >>> helicoid = px.associate(catenoid, 90.0)
+    >>> z = catenoid.parameter(0.3 + 0.2j)
+    >>> bool(np.allclose(helicoid.normal(z), catenoid.normal(z)))
+    True
+    >>> bool(np.allclose(helicoid.first_form(z), catenoid.first_form(z)))  # an isometry
+    True
     """
     if not np.isfinite(angle):
         raise SurfaceError(f"the Bonnet angle must be finite, not {angle}")

@@ -57,7 +57,7 @@ class Umbilics:
         return len(self.places)
 
 
-def umbilics(surface: MinimalSurface, domain: Disc) -> Umbilics:
+def umbilics(surface: MinimalSurface, domain: Disc, blur: float = 0.0) -> Umbilics:
     """Return all umbilics of a surface in a domain, to rounding.
 
     Parameters
@@ -65,14 +65,26 @@ def umbilics(surface: MinimalSurface, domain: Disc) -> Umbilics:
     surface : MinimalSurface
         Analytic in the domain and a hair beyond its border.
     domain : Disc
+    blur : float
+        See `hopf_zeros`.
 
     Raises
     ------
     SurfaceError
         If the domain holds a branch point or an end (the message names place and order), or Q is
         zero throughout (a plane).
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> monkey_saddle = px.minimal_surface("enneper", order=2).scaled(5000.0)
+    >>> found = px.umbilics(monkey_saddle, px.Disc(0, 0.9))
+    >>> found.orders.tolist()  # a panel of 3 · (1 + 2) sides closes up around it
+    [1]
+    >>> bool(abs(found.places[0]) < 1e-12)
+    True
     """
-    found = hopf_zeros(surface.hopf, domain, surface.name)
+    found = hopf_zeros(surface.hopf, domain, surface.name, blur)
     for place, order in zip(found.places, found.orders, strict=True):
         branch = branch_order(surface, complex(place))
         if branch:
@@ -85,7 +97,9 @@ def umbilics(surface: MinimalSurface, domain: Disc) -> Umbilics:
     return found
 
 
-def hopf_zeros(quantity: Quantity, domain: Disc, name: str = "surface") -> Umbilics:
+def hopf_zeros(
+    quantity: Quantity, domain: Disc, name: str = "surface", blur: float = 0.0
+) -> Umbilics:
     """Return the zeros of an analytic function in a domain, with their orders.
 
     Parameters
@@ -95,6 +109,9 @@ def hopf_zeros(quantity: Quantity, domain: Disc, name: str = "surface") -> Umbil
     domain : Disc
     name : str
         For messages.
+    blur : float
+        Relative error of the function, where that is more than rounding: zeros that it may have
+        parted are one of higher order.
 
     Raises
     ------
@@ -110,7 +127,7 @@ def hopf_zeros(quantity: Quantity, domain: Disc, name: str = "surface") -> Umbil
     wide, turns = _turns_of_border(quantity, domain)
     total = int(turns[0] - turns[1:].sum())
     for cells in CELLS:
-        found = _search(quantity, wide, turns[1:], cells, name)
+        found = _search(quantity, wide, turns[1:], cells, name, blur)
         inside = wide.contains(found.places)
         if (turns == UNRESOLVED).any() or int(found.orders[inside].sum()) == total:
             keep = domain.contains(found.places, 1e-13 * domain.radius)
@@ -199,33 +216,11 @@ def windings(
 def _turns_of_border(quantity: Quantity, domain: Disc) -> tuple[Disc, IntArray]:
     """Return a domain a hair wider, on whose border Q has no zero, and how Q winds around it."""
     for nudge in (0.0, 1e-9, 1e-8, 1e-7, 1e-6):
-        holes = tuple((c, r * (1 - nudge)) for c, r in domain.holes)
-        wide = Disc(domain.centre, domain.radius * (1 + nudge), holes)
-        circles = np.array([(wide.centre, wide.radius), *wide.holes])
-
-        def loops(k: IntArray, s: FloatArray, at: ComplexArray = circles) -> ComplexArray:
-            return at[k, 0] + at[k, 1] * np.exp(2j * np.pi * s)
-
-        turns = windings(quantity, loops, len(circles))
+        wide = domain.widened(nudge)
+        turns = windings(quantity, wide.border_at, 1 + len(wide.holes))
         if (turns != UNRESOLVED).all():
             break
     return wide, turns
-
-
-def _clipped(domain: Disc, z: ComplexArray) -> ComplexArray:
-    """Return ``z`` with what lies outside moved radially to the domain's border.
-
-    A loop keeps its winding numbers about all places inside, as nothing is moved across them.
-    """
-    arm = z - domain.centre
-    z = np.where(np.abs(arm) > domain.radius, domain.centre + domain.radius * _unit(arm), z)
-    for c, r in domain.holes:
-        z = np.where(np.abs(z - c) < r, c + r * _unit(z - c), z)
-    return z
-
-
-def _unit(z: ComplexArray) -> ComplexArray:
-    return np.exp(1j * np.angle(z))
 
 
 def _square(s: FloatArray) -> ComplexArray:
@@ -258,7 +253,7 @@ def _cell_turns(
         def loops(
             k: IntArray, s: FloatArray, at: ComplexArray = at, size: float = size
         ) -> ComplexArray:
-            return _clipped(domain, at[k] + size * _square(s))
+            return domain.clipped(at[k] + size * _square(s))
 
         found = windings(quantity, loops, len(todo))
         for (c, _), around in zip(domain.holes, holes, strict=True):
@@ -269,15 +264,9 @@ def _cell_turns(
     return turns
 
 
-def _outside(domain: Disc, centre: ComplexArray, reach: float) -> NDArray[np.bool_]:
-    """Return which discs of radius ``reach`` lie wholly outside the domain."""
-    away = np.abs(centre - domain.centre) > domain.radius + reach
-    for c, r in domain.holes:
-        away |= np.abs(centre - c) + reach < r
-    return np.asarray(away)
-
-
-def _search(quantity: Quantity, domain: Disc, holes: IntArray, cells: int, name: str) -> Umbilics:
+def _search(
+    quantity: Quantity, domain: Disc, holes: IntArray, cells: int, name: str, blur: float
+) -> Umbilics:
     size = 1.07 * domain.radius
     x = (np.arange(cells) + 0.5) / cells * 2 - 1
     # Off the centre, so that no line of the grid is a symmetry of the surface.
@@ -287,7 +276,7 @@ def _search(quantity: Quantity, domain: Disc, holes: IntArray, cells: int, name:
     places: list[complex] = []
     orders: list[int] = []
     while len(centre):
-        centre = centre[~_outside(domain, centre, 1.55 * half)]
+        centre = centre[~domain.is_outside(centre, 1.55 * half)]
         turns = _cell_turns(quantity, domain, holes, centre, half)
         rest: list[complex] = []
         for z, turn in zip(centre, turns, strict=True):
@@ -299,7 +288,7 @@ def _search(quantity: Quantity, domain: Disc, holes: IntArray, cells: int, name:
             mine = np.maximum(np.abs(away.real), np.abs(away.imag)) <= 1.1 * half
             if turn > 0 and sum(o for o, m in zip(orders, mine, strict=True) if m) == turn:
                 continue
-            single = _single(quantity, complex(z), 1.6 * half) if turn > 0 else None
+            single = _single(quantity, complex(z), 1.6 * half, blur) if turn > 0 else None
             if single is not None and abs(single[0] - z) <= 1.6 * half:
                 if not any(abs(single[0] - p) <= 1e-7 * domain.radius for p in places):
                     places.append(single[0])
@@ -321,13 +310,15 @@ def _search(quantity: Quantity, domain: Disc, holes: IntArray, cells: int, name:
     return Umbilics(np.array(places, complex), np.array(orders, np.int64))
 
 
-def _single(quantity: Quantity, z: complex, radius: float) -> tuple[complex, int] | None:
+def _single(
+    quantity: Quantity, z: complex, radius: float, blur: float
+) -> tuple[complex, int] | None:
     """Return place and order of the only zero in a circle, or None where it holds several.
 
     Taylor coefficients below the order must be rounding; what rounding is, the coefficients at
     the end of the series tell.
     """
-    place = z
+    place, wide = z, radius
     for _ in range(12):
         with np.errstate(all="ignore"):
             q = quantity(place + radius * CIRCLE)
@@ -346,16 +337,26 @@ def _single(quantity: Quantity, z: complex, radius: float) -> tuple[complex, int
             break
     else:
         return None
-    # The zero lies in the middle: now a last sharp look, Newton on the last vanishing derivative.
-    noise = np.inf
-    for _ in range(4):
+    # The zero lies in the middle: now a last sharp look, Newton on the last vanishing derivative,
+    # on a circle small enough for the series to end in rounding.
+    noise, sharp = np.inf, 0
+    for _ in range(16):
         with np.errstate(all="ignore"):
             q = quantity(place + radius * CIRCLE)
         taylor = np.fft.fft(q) / SAMPLES
         noise = float(np.abs(taylor[SAMPLES // 2 :]).max())
-        noise = max(noise, np.finfo(float).eps * float(np.abs(q).max()))
+        rounding = np.finfo(float).eps * float(np.abs(q).max())
         place -= complex(taylor[order - 1] / (order * taylor[order])) * radius
-    if noise > 1e-6 * np.abs(taylor[order]):
-        return None  # not analytic so far out, or other zeros too near
+        if noise > 1e-6 * np.abs(taylor[order]):
+            return None  # not analytic so far out, or other zeros too near
+        if noise <= 1e3 * rounding:
+            sharp += 1
+        else:
+            radius *= 0.6
+        noise = max(noise, rounding)
+        if sharp == 4:
+            break
     low = np.abs(taylor[:order])
-    return (place, order) if np.all(low <= 64 * noise) else None
+    # As on the first circle.
+    blurred = blur * np.abs(taylor[order]) * (wide / radius) ** (order - np.arange(order))
+    return (place, order) if np.all(low <= np.maximum(64 * noise, blurred)) else None

@@ -59,6 +59,16 @@ class MinimalSurface:
         Known zeros and poles of Q in z: umbilics, branch points, ends.
     scale : float
         Length of the unit, in mm. It multiplies X and nothing else: z and w are dimensionless.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = px.minimal_surface("catenoid").scaled(1000.0)  # the neck's radius in mm
+    >>> z = film.parameter(0.5)  # of w = u + iv, the curvature-line coordinates
+    >>> print(film.point(z).round(1)[2], film.normal(z).round(3)[2])
+    500.0 0.462
+    >>> print(film.principal_curvatures(z).round(6))  # 1/mm
+    [-0.000786  0.000786]
     """
 
     name: str

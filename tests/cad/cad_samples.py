@@ -61,7 +61,8 @@ def beam_solid(rng):
 
 def panel(mark, solid):
     outline = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    flat = FlatPart(mark, outline, outline, (EdgeNote("", 0.0),) * 3, 8.0, STEEL)
+    sides = (EdgeNote("", 0.0),) * (len(solid.vertices) // 2)
+    flat = FlatPart(mark, outline, outline, sides, 8.0, STEEL)
     return Panel(mark, 0, solid, flat, 0.0, 0.0, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""The parts as CadQuery and build123d objects, and the plugin."""
+"""The parts as CadQuery and build123d objects: names, colours, volumes, metadata."""
 
 import math
 from types import SimpleNamespace
@@ -7,8 +7,9 @@ import pytest
 from cad_samples import exact_volume, geometries, sample_parts
 
 from phexfab.cad.build123d import to_build123d
-from phexfab.cad.cadquery import phex_parts, solids, to_cadquery
-from phexfab.errors import PartError, PhexError
+from phexfab.cad.cadquery import solids, to_cadquery
+from phexfab.cad.tree import metadata
+from phexfab.errors import PartError
 from phexfab.fabrication.parts import FAMILY_COLOURS
 
 
@@ -32,10 +33,14 @@ def test_cadquery_assembly_is_a_tree_of_solids_named_by_mark(parts):
     assert [branch.name for branch in assembly.children] == ["panels", "beams", "nodes"]
     leaves = [leaf for branch in assembly.children for leaf in branch.children]
     assert [leaf.name for leaf in leaves] == list(exact)
+    known = {part.mark: part for part in (*parts.panels, *parts.beams, *parts.nodes)}
     for leaf in leaves:
-        assert type(leaf.obj) is cq.Solid
-        assert leaf.obj.isValid()
-        assert leaf.obj.Volume() == pytest.approx(exact_volume(exact[leaf.name]), rel=1e-10)
+        solid = leaf.obj.val()
+        assert type(solid) is cq.Solid and leaf.obj.size() == 1 and solid.label == leaf.name
+        assert solid.isValid()
+        assert solid.Volume() == pytest.approx(exact_volume(exact[leaf.name]), rel=1e-10)
+        assert leaf.metadata == metadata(known[leaf.name])
+        assert (leaf.material.name, leaf.material.density) == ("steel", 7.85)
         assert leaf.color.toTuple()[:3] == pytest.approx(FAMILY_COLOURS[leaf.parent.name], abs=1e-3)
 
 
@@ -50,42 +55,25 @@ def test_cadquery_solids_by_mark_and_family(parts, build):
         solids(3)
 
 
-def test_parts_on_a_workplane_are_ready_for_selectors(parts, build):
+def test_a_solid_that_is_moved_leaves_the_others_alone(parts):
     import cadquery as cq
 
-    stack = cq.Workplane().invoke(phex_parts(build, "P001"))
-    assert stack.size() == 1
-    assert stack.faces().size() == 8
-    box = stack.val().BoundingBox()
-    low = geometries(parts)["P001"].vertices.min(axis=0)
-    assert (box.xmin, box.ymin, box.zmin) == pytest.approx(tuple(low), abs=1e-5)
+    (first,), (second,) = solids(parts, "P001"), solids(parts, "P001")
+    place = second.Center()
+    first.move(cq.Location((0, 0, 500)))
+    assert (first.Center() - second.Center()).toTuple() == pytest.approx((0, 0, 500), abs=1e-6)
+    assert (solids(parts, "P001")[0].Center() - place).Length == 0
 
 
-def test_plugin_adds_methods_and_replaces_none(build):
-    import cadquery as cq
-
-    import phexfab.cad.cadquery_plugin as plugin
-
-    assert cq.Workplane.phexParts is plugin.phexParts
-    assert cq.Workplane().phexParts(build, "beams").size() == 4
-    plugin._install()  # a second time changes nothing
-    copies = cq.Workplane("XZ").pushPoints([(0, 0), (7000, 0)]).phexShell(build, "nodes")
-    assert copies.size() == 2
-    first, second = (shape.Center() for shape in copies.vals())
-    assert (second - first).toTuple() == pytest.approx((7000, 0, 0), abs=1e-6)
-    hubs = sum(exact_volume(n.cylinder) for n in build.parts.nodes)
-    assert copies.val().Volume() == pytest.approx(hubs, rel=1e-10)
-
-
-def test_plugin_refuses_to_replace_a_foreign_method(monkeypatch):
-    import cadquery as cq
-
-    import phexfab.cad.cadquery_plugin as plugin
-
-    monkeypatch.setattr(cq.Workplane, "phexShell", math.sqrt)
-    with pytest.raises(PhexError, match="already comes from math"):
-        plugin._install()
-    assert cq.Workplane.phexShell is math.sqrt
+def test_chosen_parts_only(parts):
+    assembly = to_cadquery(parts, names=["N002", "P001"])
+    assert [branch.name for branch in assembly.children] == ["panels", "nodes"]
+    assert [leaf.name for b in assembly.children for leaf in b.children] == ["P001", "N002"]
+    compound = to_build123d(parts, names="beams")
+    assert [leaf.label for leaf in compound.leaves] == ["B001", "B002", "B003", "B004"]
+    for make in (to_cadquery, to_build123d):
+        with pytest.raises(PartError, match="no part 'P9'"):
+            make(parts, names=["P001", "P9"])
 
 
 def test_build123d_compound_is_a_labelled_coloured_tree(parts):
@@ -99,7 +87,7 @@ def test_build123d_compound_is_a_labelled_coloured_tree(parts):
     assert [leaf.label for leaf in leaves] == list(exact)
     for leaf in leaves:
         assert type(leaf) is b3d.Solid
-        assert leaf.is_valid
+        assert leaf.is_valid and leaf.metadata["mark"] == leaf.label
         assert leaf.volume == pytest.approx(exact_volume(exact[leaf.label]), rel=1e-10)
         assert tuple(leaf.color)[:3] == pytest.approx(FAMILY_COLOURS[leaf.parent.label], abs=1e-3)
     assert compound.volume == pytest.approx(sum(map(exact_volume, exact.values())), rel=1e-10)

@@ -73,6 +73,18 @@ def test_contours_keep_their_edges_stay_on_the_sheet_and_apart(tmp_path, version
     assert count == len(FLATS)
 
 
+@pytest.mark.parametrize("version", ["R2010", "R12"])
+def test_a_reader_that_repairs_finds_nothing_to_repair(tmp_path, version):
+    from ezdxf import recover
+
+    for path in write_sheets(SHEETS, FLATS, tmp_path, META, version=version):
+        drawing, findings = recover.readfile(path)
+        assert not findings.has_errors and not findings.has_fixes
+        assert drawing.acad_release == version
+        kinds = {entity.dxftype() for entity in drawing.modelspace()}
+        assert kinds == {"TEXT", "POLYLINE" if version == "R12" else "LWPOLYLINE"}
+
+
 def test_layers_units_and_only_plain_polylines(tmp_path):
     path = write_sheet(SHEETS[0], FLATS, tmp_path / "a.dxf", META)
     drawing = ezdxf.readfile(path)

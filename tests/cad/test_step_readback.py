@@ -2,6 +2,7 @@
 
 import pytest
 from cad_samples import exact_volume, geometries, sample_parts
+from export_samples import sample_build
 from xcaf_reader import read_leaves
 
 from phexfab.cad.brep import is_valid, volume
@@ -15,10 +16,10 @@ def parts():
     return sample_parts(8, 7, 6, seed=11)
 
 
-@pytest.fixture(scope="module")
-def ours(parts, tmp_path_factory):
+@pytest.fixture(scope="module", params=["AP214", "AP242"])
+def ours(request, parts, tmp_path_factory):
     path = tmp_path_factory.mktemp("read") / "parts.step"
-    return read_leaves(write_step(parts, path, StepHeader("Schale Süd")))
+    return read_leaves(write_step(parts, path, StepHeader("Schale Süd", schema=request.param)))
 
 
 def test_every_part_comes_back_once_in_its_family_under_its_mark(parts, ours):
@@ -47,12 +48,18 @@ def test_colours_are_those_of_the_families(ours):
         assert leaf.colour == pytest.approx(FAMILY_COLOURS[leaf.path[1]], abs=2e-3)
 
 
-def test_no_complaint_while_loading(parts, tmp_path):
+def test_layers_are_the_families(ours):
+    for leaf in ours[1]:
+        assert leaf.layers == (leaf.path[1],), leaf.part
+
+
+@pytest.mark.parametrize("schema", ["AP214", "AP242"])
+def test_no_complaint_while_loading(parts, tmp_path, schema):
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPControl import STEPControl_Reader
 
     reader = STEPControl_Reader()
-    path = write_step(parts, tmp_path / "x.step")
+    path = write_step(parts, tmp_path / "x.step", StepHeader(schema=schema))
     assert reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone
     checks = reader.WS().ModelCheckList()
     checks.Start()
@@ -65,13 +72,14 @@ def test_no_complaint_while_loading(parts, tmp_path):
     assert messages == []
 
 
-def test_cadquerys_export_of_the_same_parts_agrees(parts, ours, tmp_path):
-    path = tmp_path / "cadquery.step"
-    to_cadquery(parts, "Shell").export(str(path))
-    root, theirs = read_leaves(path)
-    assert root == "Shell"
-    assert [leaf.part for leaf in theirs] == [leaf.part for leaf in ours[1]]
-    for own, other in zip(ours[1], theirs, strict=True):
-        assert own.path[1:] == other.path[1:]
-        assert own.colour == pytest.approx(other.colour, abs=2e-3)
-        assert volume(own.shape) == pytest.approx(volume(other.shape), rel=1e-9)
+def test_cadquerys_export_of_the_same_parts_agrees(tmp_path):
+    parts = sample_build().parts
+    root, own = read_leaves(write_step(parts, tmp_path / "ours.step", StepHeader("Shell")))
+    to_cadquery(parts, "Shell").export(str(tmp_path / "cadquery.step"))
+    other, theirs = read_leaves(tmp_path / "cadquery.step")
+    assert root == other == "Shell"
+    assert [leaf.part for leaf in own] == [leaf.part for leaf in theirs]
+    for one, two in zip(own, theirs, strict=True):
+        assert one.path[1:] == two.path[1:]
+        assert one.colour == pytest.approx(two.colour, abs=2e-3)
+        assert volume(one.shape) == pytest.approx(volume(two.shape), rel=1e-9)

@@ -47,8 +47,10 @@ SCHEMA = {
         "PRODUCT_DEFINITION_SHAPE",
     ],
     "PRODUCT_RELATED_PRODUCT_CATEGORY": ["PRODUCT", ...],
+    "PRESENTATION_LAYER_ASSIGNMENT": ["MANIFOLD_SOLID_BREP", ...],
 }
 ROOTS = {
+    "PRESENTATION_LAYER_ASSIGNMENT",
     "APPLICATION_PROTOCOL_DEFINITION",
     "SHAPE_DEFINITION_REPRESENTATION",
     "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION",
@@ -115,6 +117,38 @@ def test_marks_stand_at_product_instance_and_brep_level(entities, parts):
     usages = [e.args[:2] for e in of_kind(entities, "NEXT_ASSEMBLY_USAGE_OCCURRENCE")]
     assert sorted(usages) == sorted((m, m) for m in marks | {"panels", "beams", "nodes"})
     assert sorted(e.args[0] for e in of_kind(entities, "MANIFOLD_SOLID_BREP")) == sorted(marks)
+
+
+def test_every_solid_lies_on_the_layer_of_its_family(entities, parts):
+    layers = {
+        layer.args[0]: [entities[item.id].args[0] for item in layer.args[2]]
+        for layer in of_kind(entities, "PRESENTATION_LAYER_ASSIGNMENT")
+    }
+    assert layers == {
+        name: [part.mark for part in getattr(parts, name)] for name in ("panels", "beams", "nodes")
+    }
+
+
+def test_ap242_differs_in_what_it_calls_itself_only(parts, text, tmp_path):
+    header = StepHeader(
+        "ring", "a shell", "Jo", "Works", timestamp="2024-05-06T07:08:09", schema="AP242"
+    )
+    other = write_step(parts, tmp_path / "x.step", header).read_text("ascii")
+    pairs = zip(text.splitlines(), other.splitlines(), strict=True)
+    changed = [new for old, new in pairs if old != new]
+    assert [line.split("(")[0] for line in changed] == [
+        "FILE_SCHEMA",
+        "#6=APPLICATION_CONTEXT",
+        "#12=APPLICATION_PROTOCOL_DEFINITION",
+    ]
+    assert all("managed_model_based_3d_engineering" in re.sub(" ", "_", line.lower())
+               for line in changed)  # fmt: skip
+
+
+def test_an_unknown_schema_is_refused(parts, tmp_path):
+    with pytest.raises(DesignError, match=r"AP203.*AP214, AP242"):
+        write_step(parts, tmp_path / "x.step", StepHeader(schema="AP203"))
+    assert list(tmp_path.iterdir()) == []
 
 
 def product_name(entities, definition):

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Leaf:
-    """One solid as read: names of the part and its instance, families above it, colour, shape."""
+    """One solid as read: names of part and instance, families above it, colour, layers, shape."""
 
     part: str
     instance: str
     path: tuple
     colour: tuple
+    layers: tuple
     shape: object
 
 
@@ -30,6 +31,7 @@ def read_leaves(path):
     reader = STEPCAFControl_Reader()
     reader.SetNameMode(True)
     reader.SetColorMode(True)
+    reader.SetLayerMode(True)
     setting = "read.stepcaf.subshapes.name"
     before = Interface_Static.IVal_s(setting)
     Interface_Static.SetIVal_s(setting, 1)
@@ -40,6 +42,7 @@ def read_leaves(path):
         Interface_Static.SetIVal_s(setting, before)
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     colours = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    layers = XCAFDoc_DocumentTool.LayerTool_s(document.Main())
 
     def name(label):
         attribute = TDataStd_Name()
@@ -54,6 +57,19 @@ def read_leaves(path):
         rgb = found.Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)
         return tuple(round(float(c), 3) for c in rgb)
 
+    def layers_of(label):
+        names = TDF_LabelSequence()
+        layers.GetLayerLabels(names)
+        own = []
+        for k in range(1, names.Length() + 1):
+            members = TDF_LabelSequence()
+            layers.GetShapesOfLayer_s(names.Value(k), members)
+            if any(members.Value(i).IsEqual(label) for i in range(1, members.Length() + 1)):
+                text = TCollection_ExtendedString()
+                layers.GetLayer(names.Value(k), text)
+                own.append(text.ToExtString())
+        return tuple(own)
+
     def walk(label, path, out):
         target = TDF_Label()
         if not XCAFDoc_ShapeTool.GetReferredShape_s(label, target):
@@ -64,7 +80,8 @@ def read_leaves(path):
             walk(children.Value(k), (*path, name(target)), out)
         if not children.Length():
             shape = XCAFDoc_ShapeTool.GetShape_s(target)
-            out.append(Leaf(name(target), name(label), path, colour(shape), shape))
+            seen = (name(target), name(label), path, colour(shape), layers_of(target))
+            out.append(Leaf(*seen, shape))
 
     free = TDF_LabelSequence()
     shapes.GetFreeShapes(free)

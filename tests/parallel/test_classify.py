@@ -1,5 +1,6 @@
 """Circular, conical, Koebe, and which offsets a mesh allows (thesis §4.4, 5.3.1, ch. 6)."""
 
+import itertools
 from functools import cache
 from pathlib import Path
 
@@ -76,6 +77,63 @@ def test_quasi_circular_means_parallel_to_a_circular_polygon():
 
 def test_odd_polygons_are_always_quasi_circular():
     assert quasi_circularity(polygon([[0, 0], [3, 0], [4, 2], [1, 5], [-1, 1]]))[0] == 0
+
+
+def star(normals, signs):
+    """Four faces about the origin in planes of given normals, rays where neighbours meet."""
+    rays = np.cross(normals, np.roll(normals, -1, axis=0)) * np.asarray(signs)[:, None]
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    before = np.roll(rays, 1, axis=0)  # face k has its corner between ray k − 1 and ray k
+    turn = (np.cross(before, rays) * normals).sum(1)
+    corners = np.degrees(np.arctan2(turn, (before * rays).sum(1)))
+    faces = [[4, (k - 1) % 4, k] for k in range(4)]
+    return PolyMesh.from_faces(np.vstack([rays, np.zeros(3)]), faces), corners
+
+
+def on_circle(rng, opening):
+    angle = rng.uniform(0, 2 * np.pi, 4)
+    ring = [np.sin(opening) * np.cos(angle), np.sin(opening) * np.sin(angle)]
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    return np.column_stack([*ring, np.full(4, np.cos(opening))]) @ (turn * np.linalg.det(turn))
+
+
+def test_conical_vertices_are_those_with_equal_sums_of_opposite_corners():
+    rng, seen = np.random.default_rng(4), 0
+    for _ in range(400):
+        normals = on_circle(rng, rng.uniform(0.05, 1.4))
+        bent = normals + 0.05 * rng.normal(size=(4, 3))
+        bent /= np.linalg.norm(bent, axis=1, keepdims=True)
+        for signs in itertools.product((1, -1), repeat=4):
+            mesh, corners = star(normals, signs)
+            if (corners > 1).all():  # below 180° and counter-clockwise about all four normals
+                seen += 1
+                assert abs(corners[0] - corners[1] + corners[2] - corners[3]) < 1e-6
+                assert conicality(mesh)[4] < 1e-9
+            mesh, corners = star(bent, signs)
+            if (corners > 1).all() and (corners < 179).all():
+                off = abs(corners[0] - corners[1] + corners[2] - corners[3])
+                assert (off > 1e-6) == (conicality(mesh)[4] > 1e-9)
+    assert seen > 200
+
+
+def test_planes_through_one_line_touch_no_cone():
+    angle = np.array([0.1, 0.9, 2.0, 2.8])
+    rays = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    tips = np.array([[0, 0, 1.0], [0, 0, 0]])
+    # Four half-planes of one axis: their normals lie on a great circle.
+    mesh = PolyMesh.from_faces(np.vstack([rays, tips]), [[5, k, 4] for k in range(4)])
+    assert conicality(mesh)[5] == 1.0
+
+
+def test_a_flat_vertex_is_conical_to_rounding():
+    rng = np.random.default_rng(2)
+    angle = np.array([0.1, 1.5, 3.2, 4.6])
+    flat = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    mesh = PolyMesh.from_faces(
+        np.vstack([flat, np.zeros(3)]) @ turn, [[4, k, (k + 1) % 4] for k in range(4)]
+    )
+    assert conicality(mesh)[4] == 0
 
 
 def test_four_planes_on_a_cone_are_conical_and_a_tilted_one_shows():

@@ -160,3 +160,27 @@ def test_options_are_checked():
     ):
         with pytest.raises(LatticeError, match=text):
             conjugate_hexagons(cap, family, 900.0, **option)
+
+
+def test_crossing_faces_are_named_kept_or_left_out():
+    base = base_curves(hypar(), principal_family(), 450.0)
+    rows, columns = even(base, 450.0, 1), even(base, 450.0, 0)
+    good = brick_layout(base, rows, columns)
+    # Rows so near to each other, in a strip of the net, that |q| is far above 1 there.
+    tight = np.sort(np.concatenate([rows, rows[:1] + 60.0 * np.arange(1, 4)]))
+    bricks = brick_layout(base, tight, columns)
+    crossing = np.abs(bricks.crossing_numbers) > 1.2
+    assert crossing.any() and not (np.abs(good.crossing_numbers) > 1).any()
+    with pytest.raises(LatticeError, match=r"faces cross themselves, first face .* with q = "):
+        planar_hexagons(bricks)
+    kept = planar_hexagons(bricks, crossing="keep")
+    assert np.array_equal(np.flatnonzero(~simple_faces(kept.mesh)), kept.crossing)
+    assert len(kept.crossing) and kept.mesh.n_faces == bricks.mesh.n_faces
+    made = planar_hexagons(bricks, crossing="drop")
+    assert simple_faces(made.mesh).all() and not len(made.crossing)
+    assert relative_planarity(made.mesh).max() < 1e-12
+    assert np.intersect1d(kept.crossing, made.dropped).size == len(kept.crossing)
+    both = np.sort(np.concatenate([made.faces, made.dropped]))
+    assert np.array_equal(both, np.arange(bricks.mesh.n_faces))
+    with pytest.raises(LatticeError, match='crossing = "no"'):
+        planar_hexagons(bricks, crossing="no")

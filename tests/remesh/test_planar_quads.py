@@ -8,6 +8,7 @@ from phexfab.errors import MeshError, SolveError
 from phexfab.mesh.measures import corner_angles, edges, relative_planarity, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.conjugate.fields import level_family, principal_family
+from phexfab.remesh.coverage import coverage
 from phexfab.remesh.quads.planar_quads import exact_quads, principal_quads, refined_quads
 from phexfab.remesh.quads.rows import QuadRows, stars_of
 from phexfab.remesh.quads.subdivide import subdivided
@@ -146,6 +147,23 @@ def test_a_roof_has_planar_and_circular_quads():
     circular = principal_quads(roof, 600.0, "circular", levels=0)
     quads = circular.mesh.vertices[circular.mesh.corners.reshape(-1, 4)]
     assert circle_gap(quads).max() < 1e-10
+
+
+@pytest.mark.parametrize("levels", [0, 1])
+def test_a_roof_with_umbilics_has_conical_quads_away_from_them(levels):
+    roof = bumpy_roof()
+    made = principal_quads(roof, 500.0, "conical", levels=levels)
+    assert made.mesh.n_faces > 150 and made.exactness < 1e-10
+    assert angle_gap(made.mesh).max() < 1e-8
+    assert simple_faces(made.mesh).all()
+    away = made.mesh.vertices - roof.point(roof.nearest(made.mesh.vertices))
+    assert np.linalg.norm(away, axis=1).max() < 150.0
+    # Nothing is left beside the places where both curvatures are alike.
+    kappa = roof.bending(roof.seeds(20000)).kappa
+    alike = (kappa[:, 0] - kappa[:, 1]) < 0.05 * np.abs(kappa).sum(axis=1)
+    assert alike.any()
+    under = coverage(roof, made.mesh, 20000)
+    assert not under.covered[alike].any() and under.share > 0.3
 
 
 def test_levels_quarter_faces_and_approach_planar():

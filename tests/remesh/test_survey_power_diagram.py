@@ -232,3 +232,24 @@ def test_a_turned_frame_is_the_same_ellipsoid():
     south = frame.centre - frame.axes[:, 2]
     assert np.linalg.norm(np.cross(south, [1.0, 2.0, 0.5])) < 1e-9 * np.linalg.norm(south)
     assert south @ [1.0, 2.0, 0.5] > 0
+
+
+def test_a_belt_is_projected_from_its_hole():
+    def point(u, v):
+        return 6e3 * np.cos(v) * np.cos(u), 4e3 * np.cos(v) * np.sin(u), 3e3 * np.sin(v)
+
+    box = (0.0, 2 * np.pi, -1.0, 1.0)
+    belt = parametric(point, box, periodic=(True, False), name="belt")
+    shell = power_diagram_on(belt, 700.0)
+    mesh = shell.mesh
+    # Faces are about as many as hexagons of that size have room on the belt.
+    patch = belt.derivatives(belt.seeds(4000))[0]
+    area = np.linalg.norm(np.cross(patch[:, 0], patch[:, 1]), axis=1).mean() * 4 * np.pi
+    assert 0.6 < mesh.n_faces * 700.0**2 * np.sqrt(0.75) / area < 1.2
+    middle = np.array([mesh.polygon(f).mean(axis=0) for f in range(mesh.n_faces)])
+    assert np.abs(middle[:, 2]).max() < 3e3 * np.sin(1.0) + 350.0
+    whole = parametric(
+        point, (0.0, 2 * np.pi, -1.57, 1.57), periodic=(True, False), name="whole ellipsoid"
+    )
+    with pytest.raises(SurfaceError, match="leaves no hole"):
+        power_diagram_on(whole, 700.0)

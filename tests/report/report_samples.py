@@ -15,6 +15,7 @@ from phexfab.fabrication.panels import PanelSpec, panels
 from phexfab.fabrication.parts import CheckResult, Parts, Stock
 from phexfab.minimal.shell import lattice_on, minimal_shell
 from phexfab.report import page as page_module
+from phexfab.report import stage as stage_module
 from phexfab.report.data import ReportData
 from phexfab.surface.catalog import surface
 
@@ -29,16 +30,21 @@ def strokes(flat):
     return (small, small[:2] * [1.0, 0.99], np.array([middle, middle + np.array([0.0, 7.25])]))
 
 
-@lru_cache(maxsize=1)
-def sample():
-    """A patch of Enneper's surface with panels, beams, hubs, sheets and engraving."""
+def made(panel_size):
+    """A patch of Enneper's surface with panels, beams and hubs; its sheets; its flat parts."""
     smooth = surface("enneper").scaled(3000.0)
-    shell = minimal_shell(smooth, lattice_on(smooth, 700.0), "edge")
+    shell = minimal_shell(smooth, lattice_on(smooth, panel_size), "edge")
     panel, node = PanelSpec(), NodeSpec(kind="hub")
     beam = BeamSpec(ends="hub", hub_radius=node.radius)
     parts = Parts(panels(shell, panel), beams(shell, beam, panel), nodes(shell, node, beam, panel))
     flats = [part.flat for part in (*parts.panels, *parts.beams)]
-    sheets = nest_all(flats, Stock(2500.0, 1500.0), packer="shelf").sheets
+    return shell, parts, nest_all(flats, Stock(2500.0, 1500.0), packer="shelf").sheets, flats
+
+
+@lru_cache(maxsize=1)
+def sample():
+    """All that a page may have, and words that would break it."""
+    shell, parts, sheets, flats = made(700.0)
     return ReportData(
         title=EVIL,
         units="mm",
@@ -74,10 +80,12 @@ def small_pictures():
         return draw
 
     with ExitStack() as stack:
-        for name in ("assembly_figure", "shell_figure", "gauss_figure"):
-            stack.enter_context(
-                patch.object(page_module, name, smaller(getattr(page_module, name)))
-            )
+        for module, name in (
+            (stage_module, "assembly_figure"),
+            (page_module, "shell_figure"),
+            (page_module, "gauss_figure"),
+        ):
+            stack.enter_context(patch.object(module, name, smaller(getattr(module, name))))
         yield
 
 

@@ -15,7 +15,7 @@ from phexfab.parallel.curvature import gaussian_curvatures
 from phexfab.report.charts import bins, histogram, round_step
 from phexfab.report.fields import NEUTRAL, RAMP, PanelField, panel_fields
 from phexfab.report.figures import assembly_figure, gauss_figure, sheet_figure, shell_figure
-from phexfab.report.pack import dump
+from phexfab.report.pack import Packer
 from phexfab.report.text import number, quantity
 
 SMALL = (96, 64)
@@ -141,7 +141,6 @@ def test_powers_of_ten_are_raised():
     assert quantity(60.5, "deg") == "60.5°" and quantity(0.5, "1") == "0.5"
 
 
-def test_json_cannot_end_its_script_and_knows_no_nan():
-    assert "<" not in dump({"a": "</script><!--"}) and "\u2028" not in dump("\u2028")
+def test_data_that_json_does_not_know_is_refused():
     with pytest.raises(ValueError, match="JSON"):
-        dump({"a": float("nan")})
+        Packer().pack({"a": float("nan")})

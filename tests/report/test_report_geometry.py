@@ -7,11 +7,16 @@ from hypothesis import strategies as st
 
 from phexfab.fabrication.parts import Solid
 from phexfab.mesh.polymesh import PolyMesh
+from phexfab.minimal.shell import lattice_on, minimal_shell
+from phexfab.parallel.border import Border
+from phexfab.parallel.cut import cut_shell
 from phexfab.report.camera import View, fit_camera
+from phexfab.report.fields import gauss_mesh
 from phexfab.report.raster import rasterise
 from phexfab.report.scene import mesh_layer, solid_layer
 from phexfab.report.shade import picture
 from phexfab.report.triangulate import triangulate
+from phexfab.surface.catalog import surface
 
 BOWTIE = [(0, 0), (2, -1), (2, 3), (0, 1.2), (-2, 3), (-2, -1)]  # a panel of a minimal surface
 COMB = [
@@ -194,3 +199,21 @@ def test_what_lies_outside_the_frame_is_hidden_too():
     image = picture([post, wall], (60, 60), FRONT, lights=0, supersample=1, framing=frame)
     assert image[30, 30, 0] > 0.4 and image[30, 30, 2] < 0.1
     assert image[30, 5, 2] > 0.4 and image[30, 5, 0] < 0.1
+
+
+def test_a_cut_panel_s_face_of_the_gauss_image_is_that_from_before_the_cut():
+    smooth = surface("enneper").scaled(5000.0)
+    whole = minimal_shell(smooth, lattice_on(smooth, 400.0), "face")
+    z = smooth.parameter(0.5 * np.exp(2j * np.pi * np.arange(600) / 600))
+    border = Border(smooth.point(z), smooth.normal(z), np.zeros(0, int))
+    shell = cut_shell(whole, [border]).shell
+    assert shell.rim_edges.any()
+    drawn = gauss_mesh(shell)
+    assert drawn.n_faces == shell.mesh.n_faces
+    for face in range(drawn.n_faces):
+        # In the plane of its panel's normal, at the distance that its type keeps.
+        normal = shell.normals[shell.panels[face]]
+        assert np.allclose(drawn.polygon(face) @ normal, 1.0)
+    # None is a spike: no corner is farther from the sphere than the panels are large.
+    assert np.linalg.norm(drawn.vertices[drawn.corners], axis=1).max() < 1.1
+    assert gauss_mesh(whole) is whole.gauss

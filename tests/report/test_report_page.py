@@ -6,31 +6,45 @@ import os
 import re
 import struct
 import xml.etree.ElementTree as ET
+import zlib
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
-from report_samples import EVIL, page, page_text, sample, small_pictures
+from report_samples import EVIL, made, page, page_text, sample, small_pictures
 
+from phexfab.fabrication.marking import marking
 from phexfab.fabrication.parts import CheckResult, Parts
 from phexfab.report import page as page_module
 from phexfab.report.data import ReportData
 from phexfab.report.drawings import sheet_drawing
 from phexfab.report.page import report_html, write_report
+from phexfab.report.text import quantity
 
 
 def refuse(constant):
     raise ValueError(f"{constant} is no JSON")
 
 
-def scenes():
-    (text,) = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page_text(), re.S)
-    return json.loads(text, parse_constant=refuse)
+@lru_cache(maxsize=1)
+def stream():
+    """The page's data as its script unpacks it: the JSON, and the bytes of the arrays."""
+    (text,) = re.findall(r'<script [^>]*id="report-data">(.*?)</script>', page_text(), re.S)
+    unpacked = zlib.decompress(base64.b64decode(text, validate=True))
+    size = int.from_bytes(unpacked[:4], "little")
+    assert size % 4 == 0
+    return json.loads(unpacked[4 : 4 + size], parse_constant=refuse), unpacked[4 + size :]
+
+
+def model():
+    return stream()[0]
 
 
 def decode(array):
     kind = {"u1": "<u1", "u2": "<u2", "u4": "<u4"}[array["type"]]
-    return np.frombuffer(base64.b64decode(array["data"], validate=True), kind).astype(np.int64)
+    assert array["at"] % 4 == 0  # typed arrays begin at whole words
+    return np.frombuffer(stream()[1], kind, array["count"], array["at"]).astype(np.int64)
 
 
 def sheets():
@@ -74,14 +88,14 @@ def test_every_part_is_on_the_page_and_in_the_view():
     flat = {part.mark for part in (*parts.panels, *parts.beams)}
     drawn = [a["data-mark"] for tag, a in page().elements if tag == "g" and "data-mark" in a]
     assert sorted(drawn) == sorted(flat)
-    layers = scenes()["scenes"]["assembly"]["layers"]
+    layers = model()["scenes"]["assembly"]["layers"]
     shown = [mark for layer in layers for mark in layer["marks"]]
     assert sorted(shown) == sorted(flat | {node.mark for node in parts.nodes})
 
 
 def test_the_view_has_the_solids():
     """Volumes from the triangles as the page decodes them, by the divergence theorem."""
-    scene = scenes()["scenes"]["assembly"]
+    scene = model()["scenes"]["assembly"]
     low, span = np.array(scene["low"]), np.array(scene["span"])
     volumes = {}
     for layer in scene["layers"]:
@@ -143,16 +157,15 @@ def strokes_of(path):
 
 def test_engraving_lies_where_the_part_lies():
     seen = 0
-    for sheet in sample().sheets:
-        for group, spot in zip(sheets()[sheet.name].findall("g"), sheet.placements, strict=True):
+    for sheet, paths in zip(sample().sheets, model()["engraving"], strict=True):
+        groups = sheets()[sheet.name].findall("g")
+        for group, spot, path in zip(groups, sheet.placements, paths, strict=True):
             lines = sample().engraving.get(spot.mark, ())
-            drawn = [p for p in group.findall("path") if p.get("class") == "engrave"]
-            assert len(drawn) == bool(len(lines))
+            assert bool(path) == bool(len(lines))
             if not len(lines):
                 assert group.find("text").text == spot.mark
                 continue
-            assert drawn[0].get("transform") == "scale(.1)"
-            found = strokes_of(drawn[0].get("d"))
+            found = strokes_of(path)
             turn = np.exp(1j * np.radians(spot.angle))
             assert len(found) == len(lines)
             for line, got in zip(lines, found, strict=True):
@@ -220,6 +233,75 @@ def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="disk full"):
         write_report(sample(), target)
     assert target.read_text() == "old" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_thousand_panels_and_their_beams_are_a_page_of_less_than_5_mb():
+    """From what one part more costs, engraving and all, and what the pictures take at most."""
+    sizes = []
+    for panel_size in (700.0, 420.0):
+        shell, parts, found, flats = made(panel_size)
+        lines = {flat.mark: marking(flat).lines for flat in flats}
+        with small_pictures():
+            text = report_html(ReportData("large", "mm", shell, parts, tuple(found), lines))
+        sizes.append((len(flats), len(re.sub(r"base64,[^\"]*", "", text).encode())))
+    (few, small), (many, large) = sizes
+    each = (large - small) / (many - few)
+    pictures = 1_000_000
+    assert small + each * (1000 + 3300) + pictures < 5_000_000
+    assert many > 2 * few
+
+
+@pytest.mark.parametrize("families", [("panels",), ("panels", "nodes"), ("beams",), ("nodes",)])
+def test_a_page_may_lack_any_family(families):
+    parts = {"panels": (), "beams": (), "nodes": ()}
+    parts |= {name: getattr(sample().parts, name) for name in families}
+    with small_pictures():
+        text = report_html(ReportData("some", "mm", sample().shell, Parts(**parts)))
+    (found,) = re.findall(r'id="report-data">(.*?)</script>', text, re.S)
+    unpacked = zlib.decompress(base64.b64decode(found))
+    made = json.loads(unpacked[4 : 4 + int.from_bytes(unpacked[:4], "little")])
+    shown = [mark for layer in made["scenes"]["assembly"]["layers"] for mark in layer["marks"]]
+    assert shown == [part.mark for name in families for part in parts[name]]
+
+
+def test_the_card_knows_what_the_parts_know():
+    """Every part's edges, ends and neighbours; what a panel calls its neighbour calls it back."""
+    parts, told = sample().parts, model()["parts"]
+    edges = sample().shell.edges
+    normals = sample().shell.normals[sample().shell.panels]
+    under = {beam.mark: edges[beam.edge] for beam in parts.beams}
+    for panel in parts.panels:
+        rows = told[panel.mark]["rows"]
+        assert [row[5] for row in rows] == [note.neighbour for note in panel.flat.edges]
+        for row, note in zip(rows, panel.flat.edges, strict=True):
+            assert row[3] == quantity(round(note.bevel, 1) + 0.0, "deg")
+            _, _, left, right = under[row[4]]
+            assert panel.face in (left, right)
+            assert (right < 0) == (not note.neighbour)
+            if note.neighbour:
+                assert panel.mark in told[note.neighbour]["near"]
+                fold = np.degrees(np.arccos(normals[left] @ normals[right]))
+                assert float(row[2].rstrip("°")) == pytest.approx(fold, abs=0.051)
+    for beam in parts.beams:
+        assert [row[0] for row in told[beam.mark]["rows"]] == list(beam.nodes)
+        assert told[beam.mark]["near"] == list(beam.neighbours)
+    place = {spot.mark: sheet.name for sheet in sample().sheets for spot in sheet.placements}
+    assert {mark: entry["sheet"] for mark, entry in told.items() if "sheet" in entry} == place
+
+
+def test_explosion_lifts_panels_off_their_beams():
+    """The way out of each panel leads away from the beams under it."""
+    layers = model()["scenes"]["assembly"]["layers"]
+    parts = sample().parts
+    axes = [(decode(layer["axes"]).reshape(-1, 3) - 127) / 127 for layer in layers]
+    out = dict(zip(layers[0]["marks"], axes[0], strict=True))
+    assert np.allclose(np.linalg.norm(np.concatenate(axes), axis=1), 1, atol=0.01)
+    assert layers[0]["lift"] > 0 == layers[1]["lift"] > layers[2]["lift"]
+    rows = {beam.mark: beam for beam in parts.beams}
+    for panel in parts.panels:
+        beams = [rows[mark].solid.vertices.mean(0) for mark in model()["parts"][panel.mark]["near"]
+                 if mark in rows]  # fmt: skip
+        assert (panel.solid.vertices.mean(0) - np.mean(beams, axis=0)) @ out[panel.mark] > 0
 
 
 def test_the_page_grows_with_the_parts_and_no_faster():

@@ -220,7 +220,7 @@ def test_the_gyroid_s_cut_avoids_flat_points_and_stays_in_one_piece(films):
     flat = cKDTree(film.points[film.umbilics])
     assert len(film.cut.borders) == 4
     for border in film.cut.borders:
-        assert flat.query(border.points)[0].min() > 0.01 * CELL
+        assert flat.query(border.points)[0].min() > CELL / 128
         ends = np.append(border.corners[1:], border.corners[0] + len(border.points))
         for begin, end, face in zip(border.corners, ends, border.faces, strict=True):
             side = np.arange(begin, end) % len(border.points)

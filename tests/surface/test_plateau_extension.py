@@ -20,17 +20,18 @@ def fine(rim, count=3000):
 
 def checked(wide, rim, margin):
     """What every extension holds: margin and distances as they are reported, H = 0, no folds."""
-    surface = wide.surface
-    circle = np.exp(2j * np.pi * np.arange(1500) / 1500)
-    reached = cKDTree(fine(rim)).query(surface.point(circle))[0].min()
+    surface, middle = wide.surface, wide.domain.centre
+    border = wide.domain.borders(1500)[0]
+    reached = cKDTree(fine(rim)).query(surface.point(border))[0].min()
     assert reached == pytest.approx(wide.margin, rel=0.02)
     assert reached > 0.85 * margin
-    z = np.concatenate([0.6 * circle[::50], 0.9 * circle[::20], 0.999 * circle[::20]])
-    assert np.all(wide.contains(z)) and not wide.contains(1.01)
+    parts = zip((0.6, 0.9, 0.999), (50, 20, 20), strict=True)
+    z = np.concatenate([middle + share * (border[::k] - middle) for share, k in parts])
+    assert np.all(wide.contains(z)) and not wide.contains(middle + 1.01 * (border[0] - middle))
     assert np.abs(surface.mean_curvature(z) * surface.scale).max() < 1e-6
-    assert np.all(np.abs(wide.rim_parameters) < 1.0)
+    assert np.all(wide.contains(wide.rim_parameters))
     # Once around, without a fold.
-    turn = np.unwrap(np.angle(np.append(wide.rim_parameters, wide.rim_parameters[0])))
+    turn = np.unwrap(np.angle(np.append(wide.rim_parameters, wide.rim_parameters[0]) - middle))
     assert abs(abs(turn[-1] - turn[0]) - 2 * np.pi) < 1e-9
     assert np.sign(np.diff(turn)).min() == np.sign(np.diff(turn)).max()
 
@@ -40,7 +41,7 @@ def test_a_series_that_converges_is_used_further_out():
     known = enneper().scaled(1000.0)
     checked(wide, enneper_rim(0.7), 60.0)
     assert wide.rim_distance < 1e-6
-    edge = wide.surface.point(np.exp(2j * np.pi * np.arange(40) / 40))
+    edge = wide.surface.point(wide.domain.borders(40)[0])
     feet = known.closest_parameter(edge, (edge[:, 0] - 1j * edge[:, 1]) / 500)
     assert np.abs(known.point(feet) - edge).max() < 1e-4
 
@@ -52,7 +53,7 @@ def test_beyond_a_rim_the_second_film_is_near_the_first_ones_continuation():
     checked(wide, rim, 80.0)
     assert wide.rim_distance < 0.03
     known = enneper().scaled(1000.0)
-    edge = wide.surface.point(np.exp(2j * np.pi * np.arange(40) / 40))
+    edge = wide.surface.point(wide.domain.borders(40)[0])
     feet = known.closest_parameter(edge, (edge[:, 0] - 1j * edge[:, 1]) / 500)
     assert np.linalg.norm(known.point(feet) - edge, axis=1).max() < 0.5
 
@@ -91,8 +92,9 @@ def test_the_edge_on_a_mirror_plane_is_extended_too():
     middle = wide.film.points[slid[len(slid) // 2]]
     z = wide.rim_parameters[cKDTree(wide.surface.point(wide.rim_parameters)).query(middle)[1]]
     foot = wide.surface.closest_parameter(middle[None], [z])[0]
+    room = wide.domain.reach_at(foot - wide.domain.centre) - abs(foot - wide.domain.centre)
     step = 0.05 * np.exp(1j * np.linspace(0, 2 * np.pi, 9)[:-1])
-    beside = wide.surface.point(foot * 0.97 + step * (1 - abs(foot)))
+    beside = wide.surface.point(foot + step * room)
     mirrored = beside - 2 * (beside @ across)[:, None] * across
     feet = wide.surface.closest_parameter(mirrored, np.full(len(beside), foot))
     assert np.linalg.norm(wide.surface.point(feet) - mirrored, axis=1).max() < 0.5

@@ -120,10 +120,23 @@ class ConjugateNet:
             bending=Bending(b.normals[cut], b.kappa[cut], b.directions[cut]),
         )  # fmt: skip
 
-    def quads(self) -> PolyMesh:
+    def umbilicity(self) -> FloatArray:
+        """Return (n, m) |κ₁ − κ₂| over |κ₁| + |κ₂|: 0 at umbilics, 1 where K ≤ 0."""
+        kappa = self.bending.kappa
+        total = np.abs(kappa).sum(-1)
+        return np.abs(kappa[..., 0] - kappa[..., 1]) / np.where(total > 0, total, np.inf)
+
+    def quads(self, *, shortest: float = 0.0, clear: float = 0.0) -> PolyMesh:
         """Return the mesh of the net's quads, counter-clockwise about the surface's normal.
 
         Its largest piece, if it is in several.
+
+        Parameters
+        ----------
+        shortest : float
+            Quads with a shorter edge are left out, mm.
+        clear : float
+            So are those with a corner of less ``umbilicity``.
 
         Raises
         ------
@@ -137,6 +150,11 @@ class ConjugateNet:
         corner = [j * m + i, j * m + right, up * m + right, up * m + i]
         faces = np.stack([np.broadcast_to(c, (j.size, i.size)).ravel() for c in corner], axis=1)
         faces = faces[self.there.ravel()[faces].all(axis=1)]
+        if shortest > 0 or clear > 0:
+            corners = self.points.reshape(-1, 3)[faces]
+            sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+            good = (sides >= shortest).all(axis=1)
+            faces = faces[good & (self.umbilicity().ravel()[faces] >= clear).all(axis=1)]
         if not len(faces):
             raise LatticeError(f"{self.surface.name}: no quad fits; take a smaller spacing")
         return joined(self.surface, self.points.reshape(-1, 3), faces)[0]

@@ -115,6 +115,21 @@ def mesh_lattice(
     LatticeError
         If no lattice of that size closes, panels would not be valid or none fits; the message
         names place and remedy.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = px.periodic_film("schwarz-p", cell=1000.0, edge_length=50.0, margin=100.0)  # mm
+    >>> found = px.mesh_lattice(
+    ...     film.points,
+    ...     film.triangles,
+    ...     film.normals,
+    ...     film.directions,
+    ...     film.curvatures,
+    ...     panel_size=120.0,
+    ... )
+    >>> len(found.lattice.points), len(found.lattice.triangles)
+    (248, 432)
     """
     ways = closings(
         points,

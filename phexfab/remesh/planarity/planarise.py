@@ -15,6 +15,7 @@ from phexfab.remesh.planarity.hold import BorderCurve, Hold
 from phexfab.remesh.planarity.nearest import Reference, as_reference
 from phexfab.remesh.planarity.rows import PlanarRows
 from phexfab.remesh.planarity.steps import Edges, Steps, Walk
+from phexfab.remesh.planarity.swift import swift_walk
 from phexfab.surface.weierstrass import MinimalSurface
 
 FloatArray = NDArray[np.float64]
@@ -156,25 +157,28 @@ def planarise(
     still = _still(mesh, fixed, keep_border)
     _check(mesh, still, shortest, closeness, tolerance)
     start = np.asarray(mesh.vertices, float)
-    size = mean_edge(mesh)
+    pairs = edges(mesh)
+    length = np.linalg.norm(start[pairs[:, 1]] - start[pairs[:, 0]], axis=1)
+    size = float(length.mean())
     rounding = 4 * np.finfo(float).eps * float(np.abs(start).max(initial=0.0))
     goal = max(tolerance * size, rounding)
     rows = PlanarRows(mesh)
     curve = BorderCurve(mesh) if keep_border is True else None
     near = None if reference is None else as_reference(reference)
     hold = Hold(start, still, curve, near, closeness)
-    pairs = edges(mesh)
-    length = np.linalg.norm(start[pairs[:, 1]] - start[pairs[:, 0]], axis=1)
 
     walk = _walk(rows, hold, pairs, length, shortest, goal, most_steps)
     x = np.where(still[:, None], start, walk.x)
     made = replace(mesh, vertices=x)
-    report = _report(mesh, made, walk, goal, shortest, hold)
+    off = planarity(made) / size
+    before = rows.worst(rows.heights(start))[0] / size
+    new = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
+    report = _report(
+        mesh, made, walk, walk.height <= goal, before, off, (length, new), shortest, hold
+    )
     if strict:
         _refuse(made, report, walk, size)
-    return Planarised(
-        made, np.linalg.norm(x - start, axis=1), planarity(made) / size, walk.steps, report
-    )
+    return Planarised(made, np.linalg.norm(x - start, axis=1), off, walk.steps, report)
 
 
 def _walk(
@@ -187,6 +191,9 @@ def _walk(
     most: int,
 ) -> Walk:
     """Walk with the whole guard; with half of it, then none, where that leads nowhere."""
+    swift = swift_walk(rows, hold, Edges(pairs, shortest * length), goal, most)
+    if not swift.crooked:
+        return swift
     shares = (shortest, shortest / 2, 0.0) if shortest > 0 else (0.0,)
     walks = []
     for share in shares:
@@ -249,27 +256,32 @@ def _check(
 
 
 def _report(
-    mesh: PolyMesh, made: PolyMesh, walk: Walk, goal: float, shortest: float, hold: Hold
+    mesh: PolyMesh,
+    made: PolyMesh,
+    walk: Walk,
+    converged: bool,
+    before: float,
+    off: FloatArray,
+    lengths: tuple[FloatArray, FloatArray],
+    shortest: float,
+    hold: Hold,
 ) -> PlanarReport:
-    size, x = mean_edge(mesh), made.vertices
-    after = planarity(made)
+    x = made.vertices
     moved = np.linalg.norm(x - mesh.vertices, axis=1)
-    pairs = edges(mesh)
-    old, new = (
-        np.linalg.norm(m.vertices[pairs[:, 1]] - m.vertices[pairs[:, 0]], axis=1)
-        for m in (mesh, made)
-    )
+    old, new = lengths
     share = np.divide(new, old, out=np.ones(len(old)), where=old > 0)
-    crossing = np.flatnonzero(simple_faces(mesh) & ~simple_faces(made))
+    crossing = np.flatnonzero(~simple_faces(made))
+    if len(crossing):  # those that were not simple at first do not count
+        crossing = crossing[simple_faces(mesh)[crossing]]
     off_reference = 0.0
     if hold.reference is not None:
         off_reference = float(np.linalg.norm(x - hold.reference.nearest(x)[0], axis=1).max())
     return PlanarReport(
         # Height is measured from the face's own plane; measures differ by rounding.
-        converged=bool(walk.height <= goal),
-        planarity_before=float(planarity(mesh).max()) / size,
-        planarity_after=float(after.max()) / size,
-        worst_face=int(after.argmax()),
+        converged=bool(converged),
+        planarity_before=before,
+        planarity_after=float(off.max()),
+        worst_face=int(off.argmax()),
         motion_rms=float(np.sqrt((moved**2).mean())),
         motion_max=float(moved.max()),
         furthest_vertex=int(moved.argmax()),

@@ -96,6 +96,29 @@ class PlanarRows:
         pairs = zip(at.bases, heights, strict=True)
         return _joined([np.einsum("fik,fi->fk", b, h).ravel() for b, h in pairs])
 
+    def pushes(self, at: Linearised, weights: FloatArray) -> list[FloatArray]:
+        """Return per group what weights (rows,) of the equations push corners by, (f, n, 3)."""
+        out, done = [], 0
+        for normal, basis in zip(at.normals, at.bases, strict=True):
+            f, _, k = basis.shape
+            share = (basis @ weights[done : done + f * k].reshape(f, k, 1))[:, :, 0]
+            out.append(share[:, :, None] * normal[:, None, :])
+            done += f * k
+        return out
+
+    def weights(self, at: Linearised, pushes: list[FloatArray]) -> FloatArray:
+        """Return the weights (rows,) at one place whose pushes are those from one nearby."""
+        parts = []
+        for normal, basis, push in zip(at.normals, at.bases, pushes, strict=True):
+            share = np.einsum("fni,fi->fn", push, normal)
+            parts.append((share[:, None, :] @ basis).ravel())
+        return _joined(parts)
+
+    @staticmethod
+    def size(heights: list[FloatArray]) -> float:
+        """Return the norm of all heights, mm."""
+        return float(np.sqrt(sum(float((h * h).sum()) for h in heights)))
+
     def worst(self, heights: list[FloatArray]) -> tuple[float, int]:
         """Return the largest height of a corner over its face's plane, mm, and the face."""
         best, face = 0.0, -1
@@ -112,25 +135,56 @@ def _joined(parts: list[FloatArray]) -> FloatArray:
 
 
 def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return corner places in (f, n, 2), and heights (f, n) over, the planes of (f, 3) normals."""
-    x = points - points[:, :1]
-    x = x - x.mean(axis=1, keepdims=True)
-    axes = np.linalg.eigh(np.swapaxes(x, 1, 2) @ x)[1]
-    local = x @ axes
-    flat, off = local[:, :, 1:], local[:, :, 0]
-    # Eigenvectors of the squared matrix are good to rounding over the aspect; a linear fit in
-    # their frame takes that off again.
-    gram = np.swapaxes(flat, 1, 2) @ flat
-    right = np.einsum("fni,fn->fi", flat, off)
-    det = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
-    solid = det > 1e-24 * gram[:, 1, 1] ** 2
-    det = np.where(solid, det, 1.0)
-    a = np.where(solid, gram[:, 1, 1] * right[:, 0] - gram[:, 0, 1] * right[:, 1], 0.0) / det
-    b = np.where(solid, gram[:, 0, 0] * right[:, 1] - gram[:, 0, 1] * right[:, 0], 0.0) / det
-    normal = axes[:, :, 0] - a[:, None] * axes[:, :, 1] - b[:, None] * axes[:, :, 2]
+    """Return corner places in (f, n, 2), and heights (f, n) over, the planes of (f, 3) normals.
+
+    Least squares: linear fits in a frame that starts at the area vector and follows the plane,
+    which is good to the height's cube; faces of hardly any area start at the scatter's axes.
+    """
+    # Coordinates first and faces last: long runs of numbers for every operation.
+    x = np.ascontiguousarray((points - points[:, :1]).transpose(2, 1, 0))
+    x -= x.mean(axis=1, keepdims=True)
+    after = np.roll(x, -1, axis=1)
+    normal = np.stack(
+        [(x[i] * after[j] - x[j] * after[i]).sum(axis=0) for i, j in ((1, 2), (2, 0), (0, 1))]
+    )
+    area, extent = np.sqrt((normal**2).sum(axis=0)), (x * x).sum(axis=(0, 1))
+    along = x[:, 1] - x[:, 0]
+    thin = np.flatnonzero(~(area > 0.05 * extent))
+    normal /= np.maximum(area, 1e-300)
+    if len(thin):
+        axes = np.linalg.eigh(np.einsum("inf,jnf->fij", x[:, :, thin], x[:, :, thin]))[1]
+        normal[:, thin], along[:, thin] = axes[:, :, 0].T, axes[:, :, 2].T
+    for _ in range(2):
+        flat, height, normal = _linear_fit(x, normal, along)
+    return flat.transpose(2, 1, 0), height.T, normal.T
+
+
+def _linear_fit(
+    x: FloatArray, normal: FloatArray, along: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Fit linearly in the frame of normals (3, f) and the directions ``along`` (3, f)."""
+    e = along - (along * normal).sum(axis=0) * normal
+    size = np.sqrt((e * e).sum(axis=0))
+    lost = np.flatnonzero(~(size > 1e-9 * np.sqrt((x * x).sum(axis=(0, 1)))))
+    if len(lost):  # no length, or upright: any other direction
+        up = normal[:, lost]
+        other = np.eye(3)[np.abs(up).argmin(axis=0)].T
+        e[:, lost] = other - (other * up).sum(axis=0) * up
+        size = np.sqrt((e * e).sum(axis=0))
+    e = e / size
+    g = np.stack([normal[i] * e[j] - normal[j] * e[i] for i, j in ((1, 2), (2, 0), (0, 1))])
+    flat = np.stack([(x * e[:, None]).sum(axis=0), (x * g[:, None]).sum(axis=0)])
+    off = (x * normal[:, None]).sum(axis=0)
+    xx, yy, xy = ((flat[i] * flat[j]).sum(axis=0) for i, j in ((0, 0), (1, 1), (0, 1)))
+    xz, yz = (flat * off).sum(axis=1)
+    det = xx * yy - xy * xy
+    solid = det > 1e-24 * (xx + yy) ** 2
+    safe = np.where(solid, det, 1.0)
+    a = np.where(solid, (yy * xz - xy * yz) / safe, 0.0)
+    b = np.where(solid, (xx * yz - xy * xz) / safe, 0.0)
     stretch = np.sqrt(1 + a * a + b * b)
-    height = off - a[:, None] * flat[:, :, 0] - b[:, None] * flat[:, :, 1]
-    return flat, height / stretch[:, None], normal / stretch[:, None]
+    height = (off - a * flat[0] - b * flat[1]) / stretch
+    return flat, height, (normal - a * e - b * g) / stretch
 
 
 def _complement(flat: FloatArray) -> FloatArray:

@@ -1,4 +1,6 @@
-"""Gauss–Newton towards planar faces by the least motion, edges guarded from below.
+"""The long way to planar faces: Gauss–Newton, damped at first, edges guarded from below.
+
+It is taken where ``swift_walk`` does not get through.
 
 A step is the cheapest motion that meets all planarity equations to first order, and keeps the
 edges that would become too short at their bound: with A the rows of both and G the inverse cost,
@@ -31,7 +33,7 @@ BoolArray = NDArray[np.bool_]
 
 # Damping, over the mean diagonal: on a fine mesh neighbouring planes are nearly parallel, so that
 # some equations are met only by long ways along the faces; they are left to later steps.
-_EASY, _HARD = 1e-4, 1e-2  # at first; hard where edges come to their bound or the way is crooked
+_HARD = 1e-2  # at first
 _FALL = 0.1  # from step to step
 _SHIFT = 1e-12  # at last: equations may depend on each other, as on a flat mesh
 _ROUNDS = 4  # times that a step is found anew because edges would collapse
@@ -66,10 +68,6 @@ class Edges:
         length = np.linalg.norm(along, axis=1)
         return along / np.where(length > 0, length, 1.0)[:, None], length
 
-    def clear(self) -> None:
-        """Guard nothing yet."""
-        self.__post_init__()
-
     def join(self, length: FloatArray) -> bool:
         """Take edges of lengths (E,) that are too short into the guard; return whether any is."""
         short = length < self.least
@@ -101,7 +99,7 @@ class Walk:
     """Where the steps ended.
 
     ``factored`` systems were factorised in ``steps`` steps; the worst face and its height, mm.
-    ``crooked``: edges came to their bound, or the way bent, so that more damping is wanted.
+    ``crooked``: edges became too short, or the way bent, so that more damping is wanted.
     """
 
     x: FloatArray
@@ -124,29 +122,19 @@ class Steps:
 
     def run(self) -> Walk:
         """Return the end of the walk: planar to the goal, or as near as it came."""
-        walk = self._walk(_EASY, patient=False)
-        if not walk.crooked:
-            return walk
-        self.edges.clear()
-        return self._walk(_HARD, patient=True)
-
-    def _walk(self, shift: float, patient: bool) -> Walk:
-        """Walk with a damping that falls from a first value; the impatient stop when crooked."""
         x, steps, short = self.hold.start.copy(), 0, False
         heights = self.rows.heights(x)
         best, face = self.rows.worst(heights)
-        merit, pulls, leaps, mends = self._size(heights), True, _LEAPS, _MENDS
+        merit, pulls, leaps, mends = self.rows.size(heights), True, _LEAPS, _MENDS
         enough = _PULLED if self.hold.pulled else _SETTLED
         while (best > self.goal or (short and mends)) and steps < self.most:
             mends -= best <= self.goal
-            system, straight, aside = self._aims(x, pulls, max(shift * _FALL**steps, _SHIFT))
+            system, straight, aside = self._aims(x, pulls, max(_HARD * _FALL**steps, _SHIFT))
             steps += 1
             merit = np.inf if short else merit
             taken, share = None, 0.0
             if pulls:
                 taken, share = self._aside(x, straight, aside, merit, system.at, steps == 1)
-            if not patient and (self.edges.active.any() or (pulls and taken is None)):
-                return Walk(x, steps, self.factored, best, face, crooked=True)
             if taken is None:
                 taken = self._searched(x, straight, merit, system.at)
             if taken is None and self.edges.active.any() and leaps:
@@ -161,11 +149,11 @@ class Steps:
             settled = steps > 1 and np.linalg.norm(aside) < enough * moved
             pulls = pulls and share > 0 and steps < _PULLS
             x, heights = taken
-            merit, (best, face) = self._size(heights), self.rows.worst(heights)
+            merit, (best, face) = self.rows.size(heights), self.rows.worst(heights)
             while best > self.goal and steps < self.most and (settled or not pulls):
                 ahead = x + self._back(system, x, heights)
                 trial = self.rows.heights(ahead, system.at)
-                size = self._size(trial)
+                size = self.rows.size(trial)
                 if not size < _CHORD * merit:
                     break
                 x, heights, merit, steps = ahead, trial, size, steps + 1
@@ -192,17 +180,13 @@ class Steps:
         for share in (1.0, 0.5, 0.25):
             ahead = x + straight + share * aside
             trial = self.rows.heights(ahead, at)
-            size = self._size(trial)
+            size = self.rows.size(trial)
             good = first or size < keep * merit
             if not good and self.hold.pulled and size < _BENT * share * np.linalg.norm(aside):
                 good = self.hold.cost(ahead) < self.hold.cost(x)
             if good:
                 return (ahead, trial), share
         return None, 0.0
-
-    @staticmethod
-    def _size(heights: list[FloatArray]) -> float:
-        return float(np.sqrt(sum(float((h * h).sum()) for h in heights)))
 
     def _searched(
         self, x: FloatArray, step: FloatArray, merit: float, at: Linearised
@@ -212,7 +196,7 @@ class Steps:
         for _ in range(8):
             ahead = x + share * step
             trial = self.rows.heights(ahead, at)
-            if self._size(trial) < (1 - 0.1 * share) * merit:
+            if self.rows.size(trial) < (1 - 0.1 * share) * merit:
                 return ahead, trial
             share /= 2
         return None

@@ -33,6 +33,8 @@ EXACT = 1e-10
 """Planarity over the mean edge, circularity and conicality to reach."""
 PULLS = 10  # steps that aim at the cheapest exact mesh, not just at an exact one
 SETTLED = 0.03  # of the motion: what is left to go along exact meshes
+SQUEEZED = 0.3  # of the size: quads of a net with a shorter edge are no start for a finer mesh
+CLEAR = 0.08  # |κ₁ − κ₂| over |κ₁| + |κ₂|: beside an umbilic, where lines of curvature turn
 DAMPING = 1e-11  # over the mean diagonal
 
 
@@ -203,6 +205,8 @@ def principal_quads(
 ) -> QuadMesh:
     """Return a planar, circular or conical quad mesh of a surface.
 
+    Circular and conical meshes leave out what is beside umbilics, and quads squeezed there.
+
     Parameters
     ----------
     surface : FreeformSurface
@@ -238,7 +242,18 @@ def principal_quads(
         base, even(base, size, 1, multiple=share), even(base, size, 0, multiple=share)
     )
     net = net.every(share)
-    return refined_quads(net.quads(), surface, kind, levels=levels, closeness=closeness)
+    if kind == "planar" or not chosen.principal:
+        return refined_quads(net.quads(), surface, kind, levels=levels, closeness=closeness)
+    # Circular and conical quads follow lines of curvature, which crowd and turn about umbilics.
+    mesh = net.quads(shortest=SQUEEZED * size * share, clear=CLEAR)
+    try:
+        return refined_quads(mesh, surface, kind, levels=levels, closeness=closeness)
+    except SolveError as error:
+        at = np.unravel_index(int(np.nanargmin(net.umbilicity())), net.there.shape)
+        raise SolveError(
+            f"{surface.name}: {error}; of the net the point nearest to an umbilic is "
+            f"{net.points[at].round(3).tolist()}: seed the net farther from it"
+        ) from error
 
 
 def _step(rows: QuadRows, hold: Hold, x: FloatArray, pulled: bool) -> tuple[FloatArray, float]:

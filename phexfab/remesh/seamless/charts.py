@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.surface.domain import Disc
 from phexfab.surface.holomorphic import ComplexArray
+from phexfab.surface.quadtree import Quadtree, cover
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -30,7 +30,6 @@ CIRCLE_BY_CELL = 1.6  # radius of the sampled circle, in half diagonals of the s
 TRUST = 1 / 1.28  # of the circle's radius: there the series has converged to rounding
 TAIL = 1e-11  # size of the last terms on the circle
 UNIVALENT = 0.7  # |dτ/dt - 1| on the circle: w̃ is one-to-one inside
-DEEPEST = 22
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +47,8 @@ class Atlas:
         Radius within which the series holds.
     half : (C,) float
         Half the side of the square that the chart owns; infinite for charts of several squares.
-    keys, owner : (L,) int
-        The squares, sorted, and the chart of each.
-    corner, side : complex, float
-        Lower left corner and side of the quadtree.
+    squares : Quadtree
+        They belong to charts.
     """
 
     centre: ComplexArray
@@ -59,35 +56,11 @@ class Atlas:
     series: ComplexArray
     trust: FloatArray
     half: FloatArray
-    keys: IntArray
-    owner: IntArray
-    corner: complex
-    side: float
-
-    @cached_property
-    def levels(self) -> list[int]:
-        """Depths at which there are squares."""
-        return sorted({int(level) for level in self.keys >> 48})
+    squares: Quadtree
 
     def chart_at(self, z: ComplexArray) -> IntArray:
         """Return the chart that owns each of ``z``; -1 where nothing is covered."""
-        away = (z - self.corner) / self.side
-        chart = np.full(z.shape, -1)
-        inside = (away.real >= 0) & (away.real < 1) & (away.imag >= 0) & (away.imag < 1)
-        todo = np.flatnonzero(inside)
-        for level in self.levels:
-            if not len(todo):
-                break
-            key = _key(
-                level,
-                (away.real[todo] * 2.0**level).astype(np.int64),
-                (away.imag[todo] * 2.0**level).astype(np.int64),
-            )
-            slot = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
-            hit = self.keys[slot] == key
-            chart[todo[hit]] = self.owner[slot[hit]]
-            todo = todo[~hit]
-        return chart
+        return self.squares.owner_at(z)
 
     def tau(self, chart: IntArray, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return τ and dτ/dz at places in charts."""
@@ -137,10 +110,6 @@ class Atlas:
         return self.centre[chart] + own_t, ~lost & (np.abs(own_t) <= trust)
 
 
-def _key(level: int, column: IntArray, row: IntArray) -> IntArray:
-    return (level << 48) + (column << 24) + row
-
-
 def build_atlas(quantity: Quantity, domain: Disc, places: ComplexArray, orders: IntArray) -> Atlas:
     """Return charts that cover a domain.
 
@@ -153,66 +122,39 @@ def build_atlas(quantity: Quantity, domain: Disc, places: ComplexArray, orders: 
     places, orders : (n,) complex, (n,) int
         Its zeros in the domain.
     """
-    side = 2.06 * domain.radius
-    corner = domain.centre - domain.radius * (1.031 + 1.0293j)
     with np.errstate(all="ignore"):
         scale = float(np.abs(quantity(domain.grid(24))).max())
     centre, power, series, trust = _zero_charts(quantity, domain, places, orders, scale)
     half_of = [np.full(len(centre), np.inf)]
     parts = [(centre, power, series, trust)]
-    count = len(centre)
-    keys, owners = [], []
-    column = row = np.zeros(1, np.int64)
-    for level in range(DEEPEST):
-        half = side / 2 ** (level + 1)
+
+    def owners(middle: ComplexArray, half: float) -> IntArray:
         diagonal = half * np.sqrt(2)
-        middle = corner + (2 * column + 1) * half + 1j * (2 * row + 1) * half
-        near = ~_apart(domain, middle, diagonal)
-        column, row, middle = column[near], row[near], middle[near]
-        if not len(middle):
-            break
         mine = np.full(len(middle), -1)
+        wait = np.zeros(len(middle), bool)
         for k in range(len(centre)):
-            covered = np.abs(middle - centre[k]) + diagonal <= 0.8 * trust[k]
-            mine[covered] = k
-        free = np.flatnonzero(mine < 0)
-        orders = np.zeros(len(free), np.int64)
-        made, good = _series(quantity, middle[free], CIRCLE_BY_CELL * diagonal, orders, scale)
-        for c in centre:  # a square that holds a zero has to wait
-            good &= np.abs(middle[free] - c) > CIRCLE_BY_CELL * diagonal
+            away = np.abs(middle - centre[k])
+            mine[away + diagonal <= 0.8 * trust[k]] = k
+            wait |= away <= CIRCLE_BY_CELL * diagonal  # a square that holds a zero
+        free = np.flatnonzero((mine < 0) & ~wait)
+        plain = np.zeros(len(free), np.int64)
+        made, good = _series(quantity, middle[free], CIRCLE_BY_CELL * diagonal, plain, scale)
         new = free[good]
-        mine[new] = count + np.arange(len(new))
-        count += len(new)
+        mine[new] = sum(len(part[0]) for part in parts) + np.arange(len(new))
         radius = np.full(len(new), CIRCLE_BY_CELL * diagonal * TRUST)
         parts.append((middle[new], np.ones(len(new)), made[good], radius))
         half_of.append(np.full(len(new), half))
-        done = mine >= 0
-        keys.append(_key(level, column[done], row[done]))
-        owners.append(mine[done])
-        column, row = (
-            (2 * a[~done, None] + np.array(step)).ravel()
-            for a, step in ((column, [0, 1, 0, 1]), (row, [0, 0, 1, 1]))
-        )
-    key, owner = np.concatenate(keys), np.concatenate(owners)
-    order = np.argsort(key, kind="stable")
+        return mine
+
+    squares = cover(domain, owners)
     return Atlas(
         np.concatenate([p[0] for p in parts]),
         np.concatenate([p[1] for p in parts]),
         np.concatenate([p[2] for p in parts]),
         np.concatenate([p[3] for p in parts]),
         np.concatenate(half_of),
-        key[order],
-        owner[order],
-        corner,
-        side,
+        squares,
     )
-
-
-def _apart(domain: Disc, middle: ComplexArray, reach: float) -> BoolArray:
-    away = np.abs(middle - domain.centre) > domain.radius + reach
-    for c, r in domain.holes:
-        away |= np.abs(middle - c) + reach < r
-    return np.asarray(away)
 
 
 def _zero_charts(

@@ -97,6 +97,7 @@ def seamless(
     rows_along: str = "u",
     evenness: float = 0.0,
     kind: str = "face",
+    core: Disc | None = None,
     found: Umbilics | None = None,
 ) -> Seamless:
     """Return the lattice coordinate of a domain in which all umbilics are lattice points.
@@ -119,6 +120,8 @@ def seamless(
     kind : ``"face"``, ``"edge"`` or ``"vertex"``
         The edge type keeps the row ratio exactly; for the others it may change by up to 15 %
         where that makes the correction smaller.
+    core : Disc, optional
+        The part of the domain whose panels count for the median size; all of it by default.
     found : Umbilics, optional
         Those of the domain, where they are known already.
 
@@ -138,9 +141,9 @@ def seamless(
         raise LatticeError(f"lattice.evenness = {evenness}: choose a number from 0 to 1")
     check_directions(row_ratio, 0.0)
     found = umbilics(surface, domain) if found is None else found
-    apices = Apices.of(found)
-    rest = sampled(lambda z: surface.hopf(z) / apices.product(z), domain)
-    problem = _problem(surface, rest, domain, apices)
+    zeros = Apices.of(found)
+    rest = sampled(lambda z: surface.hopf(z) / zeros.product(z), domain, zeros.places)
+    problem = _problem(surface, rest, domain, zeros, domain if core is None else core)
     limit = turn_limit(row_ratio)
     wished = np.zeros(n_terms(domain), complex)
     if evenness > 0:
@@ -177,7 +180,9 @@ def seamless(
     )
 
 
-def _problem(surface: MinimalSurface, rest: Quantity, domain: Disc, apices: Apices) -> Problem:
+def _problem(
+    surface: MinimalSurface, rest: Quantity, domain: Disc, apices: Apices, core: Disc
+) -> Problem:
     grid = domain.grid()
     zeros = Apices.of(apices.umbilics)
     q, factor = np.abs(rest(grid) * zeros.product(grid)), surface.conformal_factor(grid)
@@ -192,6 +197,7 @@ def _problem(surface: MinimalSurface, rest: Quantity, domain: Disc, apices: Apic
         grid[good],
         np.log(factor[good]) - log_root,
         log_root,
+        core.contains(grid[good]),
     )
 
 
@@ -222,8 +228,7 @@ def _join_nearest(
 ) -> Problem | None:
     """Return the problem with the two apices joined that lie nearest to each other in w̃."""
     x = np.concatenate([wished, np.zeros(len(problem.apices))])
-    size, area = problem.sizes(x)
-    step = panel_size / median(size, area) / mean_distance(row_ratio)
+    step = panel_size / problem.median(x) / mean_distance(row_ratio)
     length = np.abs(problem.values(x)[0])
     near = [(length[k], c.pair) for k, c in enumerate(problem.conditions.each) if c.pair]
     for _, (j, k) in sorted(near):
@@ -233,7 +238,8 @@ def _join_nearest(
         apices = Apices.of(problem.apices.umbilics, group)
         trial = replace(problem, apices=apices)
         if np.all(apices.shift <= MOST_SPREAD * trial.reach(step)):
-            return _problem(problem.surface, problem.rest, problem.domain, apices)
+            made = _problem(problem.surface, problem.rest, problem.domain, apices, problem.domain)
+            return replace(made, core=problem.core)
     return None
 
 
@@ -249,9 +255,12 @@ def _predicted(
         away = np.abs(problem.grid - place)
         near |= away * root * 2 / (order + 2) < 0.5 * plane.step
     size = plane.mean_distance * size
+    core = problem.core
+    near |= ~core
     if near.all():
-        near[:] = False
-    return float(size[~near].min()), median(size, area), float(size[~near].max())
+        near = ~core
+    middle = median(size[core], area[core])
+    return float(size[~near].min()), middle, float(size[~near].max())
 
 
 def _refuse(
@@ -260,8 +269,7 @@ def _refuse(
     """Raise the error that says what is too near, and which panel size would do."""
     bare = np.zeros(problem.n_terms, complex)
     x = np.zeros(problem.n_terms + len(problem.apices), complex)
-    size, area = problem.sizes(x)
-    step = panel_size / median(size, area)
+    step = panel_size / problem.median(x)
     length = np.abs(problem.values(x)[0])
     each = problem.conditions.each
     pairs = [k for k, c in enumerate(each) if c.pair is not None]

@@ -20,6 +20,7 @@ from phexfab.remesh.seamless.coordinate import Seamless, seamless
 from phexfab.remesh.stars import around_panels, star_triangles
 from phexfab.surface.domain import Disc
 from phexfab.surface.holomorphic import ComplexArray, show
+from phexfab.surface.umbilics import Umbilics
 from phexfab.surface.weierstrass import MinimalSurface
 from phexfab.triangular import EQUILATERAL
 
@@ -41,6 +42,8 @@ def grow_lattice(
     rows_along: str = "u",
     evenness: float = 0.0,
     kind: str = "face",
+    core: Disc | None = None,
+    found: Umbilics | None = None,
     trim: bool = True,
 ) -> Lattice:
     """Return the lattice whose points fill a plane domain of parameters, umbilics included.
@@ -50,7 +53,7 @@ def grow_lattice(
     surface : MinimalSurface
     domain : Disc
         A disc in z, with round holes or without.
-    panel_size, row_ratio, rows_along, evenness, kind
+    panel_size, row_ratio, rows_along, evenness, kind, core, found
         See ``seamless``.
     trim : bool
         Leave out panels beside an umbilic whose own panel the border cuts off; False for what is
@@ -67,6 +70,15 @@ def grow_lattice(
         If the umbilics are too near to each other for panels of this size, or no panel fits.
     SurfaceError
         If there is a branch point or an end in the domain.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> surface = px.minimal_surface("enneper", order=2).scaled(5000.0)  # an umbilic at 0
+    >>> on = px.grow_lattice(surface, px.Disc(0, 0.9), panel_size=900.0)
+    >>> mesh = px.minimal_shell(surface, on).mesh
+    >>> mesh.n_faces, int(mesh.sides.max())  # nine sides at the umbilic
+    (10, 9)
     """
     return lattice_of(
         seamless(
@@ -77,6 +89,8 @@ def grow_lattice(
             rows_along=rows_along,
             evenness=evenness,
             kind=kind,
+            core=core,
+            found=found,
         ),
         trim,
     )
@@ -124,7 +138,7 @@ def lattice_of(on: Seamless, trim: bool = True) -> Lattice:
 def _offsets(on: Seamless, atlas: Atlas) -> ComplexArray:
     """Return o of every chart, so that its lattice points are where w̃ + o is a lattice vector."""
     n, k = len(atlas.centre), len(on.apices)
-    first, second, at = _contacts(on.domain, atlas)
+    first, second, at = atlas.squares.contacts(on.domain)
     w1, v1 = atlas.coordinate(first, at)
     w2, v2 = atlas.coordinate(second, at)
     sign = np.where((v1 * v2.conj()).real < 0, -1.0, 1.0)
@@ -164,32 +178,13 @@ def _offsets(on: Seamless, atlas: Atlas) -> ComplexArray:
     return offset
 
 
-def _contacts(domain: Disc, atlas: Atlas) -> tuple[IntArray, IntArray, ComplexArray]:
-    """Return pairs of charts that meet, and a place in the domain where they do."""
-    level = atlas.keys >> 48
-    column, row = (atlas.keys >> 24) & 0xFFFFFF, atlas.keys & 0xFFFFFF
-    half = atlas.side / 2.0 ** (level + 1)
-    middle = atlas.corner + (2 * column + 1) * half + 1j * (2 * row + 1) * half
-    along = np.linspace(-0.96, 0.96, 9)
-    border = np.concatenate([1j**k * (1 + 1e-9 + 1j * along) for k in range(4)])
-    at = middle[:, None] + half[:, None] * border
-    inside = domain.contains(at)
-    at, mine = at[inside], np.broadcast_to(atlas.owner[:, None], inside.shape)[inside]
-    other = atlas.chart_at(at)
-    meets = (other >= 0) & (other != mine)
-    mine, other, at = mine[meets], other[meets], at[meets]
-    key = np.minimum(mine, other) * len(atlas.centre) + np.maximum(mine, other)
-    one = np.unique(key, return_index=True)[1]
-    return mine[one], other[one], at[one]
-
-
 # -- points --------------------------------------------------------------------------------------
 
 
 def _points(on: Seamless, atlas: Atlas, offset: ComplexArray) -> tuple[ComplexArray, IntArray]:
     """Return all lattice points in the domain and their charts; the umbilics come first."""
     k = len(on.apices)
-    owned = np.unique(atlas.owner)
+    owned = np.unique(atlas.squares.owner)
     charts, taus = [np.zeros(0, np.int64)], [np.zeros(0, complex)]
     circle = np.exp(2j * np.pi * np.arange(48) / 48)
     reach_in = np.where(np.isfinite(atlas.half), atlas.half * np.sqrt(2) * 1.001, atlas.trust)

@@ -21,6 +21,7 @@ Quantity = Callable[[ComplexArray], ComplexArray]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 MOST_PANELS = 2048
+INSIDE = np.linspace(0.0, 1.0, 65)
 GOOD, FAIR = 2e-14, 1e-9  # relative change of an integral: stop refining; still accept
 
 
@@ -86,8 +87,16 @@ class Way:
 
 
 def straight(start: complex, end: complex, domain: Disc, ends: tuple[bool, bool]) -> list[Arc]:
-    """Return the straight way from ``start`` to ``end``, around the holes that it meets."""
+    """Return the straight way from ``start`` to ``end``, around the holes that it meets.
+
+    Where that leaves the domain, the way goes over the centre, from which all is seen.
+    """
     span = end - start
+    over = domain.centre
+    leaves = not domain.contains(start + span * INSIDE, 1e-9 * domain.radius).all()
+    if leaves and not domain.is_round and over not in (start, end):
+        first = straight(start, over, domain, (ends[0], False))
+        return first + straight(over, end, domain, (False, ends[1]))
     crossed = []
     for c, r in domain.holes:
         middle = ((c - start) / span).real  # fraction at the foot of the perpendicular

@@ -61,6 +61,8 @@ class Problem:
         Places all over the domain.
     log_size, log_root : (k,) float
         There, the logarithms of the mm per unit of w, and of |√Q|.
+    core : (k,) bool
+        Which of them count for the median size of panels.
     """
 
     surface: MinimalSurface
@@ -71,6 +73,7 @@ class Problem:
     grid: ComplexArray
     log_size: FloatArray
     log_root: FloatArray
+    core: NDArray[np.bool_]
 
     @cached_property
     def border(self) -> ComplexArray:
@@ -133,6 +136,11 @@ class Problem:
         h = (self.grid_table @ x[: self.n_terms] + self.apices_at(x).log_root(self.grid)).real
         return np.exp(self.log_size - h), np.exp(2 * (self.log_root + h))
 
+    def median(self, x: ComplexArray) -> float:
+        """Return the median of mm per unit of w̃ over the panels in the core."""
+        size, area = self.sizes(x)
+        return median(size[self.core], area[self.core])
+
     def reach(self, step: float) -> FloatArray:
         """Return how far in z the first neighbours lie from each apex, (G,)."""
         zeros, circle = self.apices.umbilics, 0.02 * self.domain.radius * CIRCLE
@@ -191,8 +199,7 @@ def solve_seams(
     ((terms + G,) complex, PlaneLattice)
     """
     wished = np.concatenate([wished, np.zeros(len(problem.apices))])
-    size, area = problem.sizes(wished)
-    unit = panel_size / median(size, area)
+    unit = panel_size / problem.median(wished)
     if not problem.conditions.each:
         return wished, PlaneLattice(unit / mean_distance(row_ratio), row_ratio, rows_along)
     weights = _weights(problem, problem.reach(unit / mean_distance(row_ratio)) if shifts else None)
@@ -215,7 +222,7 @@ def solve_seams(
             grown = float((x[0] - wished[0]).real)
             whole = PlaneLattice(plane.step * np.exp(-grown), plane.row_ratio, rows_along)
             x[0] -= grown
-            now = whole.mean_distance * median(*problem.sizes(x)) / panel_size
+            now = whole.mean_distance * problem.median(x) / panel_size
             if not 1 / SIZE_RANGE <= now <= SIZE_RANGE or _strays(problem, x, whole.step):
                 continue
             off = _pair(x - wished)

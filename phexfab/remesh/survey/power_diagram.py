@@ -35,6 +35,10 @@ BoolArray = NDArray[np.bool_]
 ComplexArray = NDArray[np.complex128]
 
 
+HOLE = 0.5
+"""Distance from a part of the unit sphere at which a point serves as centre of projection."""
+
+
 @dataclass(frozen=True, eq=False)
 class EllipsoidFrame:
     """An ellipsoid as an affine image of the unit sphere.
@@ -313,6 +317,26 @@ def ellipsoid_of(surface: FreeformSurface, tolerance: float = 1e-8) -> Ellipsoid
     return EllipsoidFrame(middle + surface.size * centre, surface.size * vectors * np.sqrt(squares))
 
 
+def _farthest(frame: EllipsoidFrame, points: FloatArray, middle: FloatArray) -> FloatArray:
+    """Return the direction of the part's middle; of a belt, away from the widest hole."""
+    sphere = cKDTree(frame.on_sphere(points))
+    pole = -frame.on_sphere(frame.centre + middle)
+    pole = pole / max(float(np.linalg.norm(pole)), 1e-300)
+    if sphere.query(pole)[0] > HOLE:
+        return middle
+    k = np.arange(2000) + 0.5
+    height, angle = 1 - k / 1000, np.pi * (1 + np.sqrt(5)) * k
+    ring = np.sqrt(1 - height**2)
+    poles = np.column_stack([ring * np.cos(angle), ring * np.sin(angle), height])
+    away = sphere.query(poles)[0]
+    best = int(away.argmax())
+    if away[best] < HOLE:
+        raise SurfaceError(
+            "the surface leaves no hole on its ellipsoid to project it from; take a part of it"
+        )
+    return np.asarray(-frame.axes @ poles[best])
+
+
 def stereographic(points: FloatArray) -> ComplexArray:
     """Return (x + iy)/(1 − z) of points (..., 3) of the unit sphere."""
     return np.asarray((points[..., 0] + 1j * points[..., 1]) / (1 - points[..., 2]), complex)
@@ -349,7 +373,7 @@ def power_diagram_on(surface: FreeformSurface, panel_size: float) -> Shell:
         np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
     )
     middle = (areas[:, None] * corner.mean(axis=1)).sum(axis=0) / areas.sum()
-    frame = frame.turned(middle - frame.centre)
+    frame = frame.turned(_farthest(frame, patch.points, middle - frame.centre))
     w = stereographic(frame.on_sphere(patch.points))
     a, b, c = w[patch.triangles].T
     mirrored = bool(np.sum(((b - a).conj() * (c - a)).imag) < 0)

@@ -32,3 +32,10 @@ class Crowd:
         for tree in self._trees:
             out |= np.isfinite(tree.query(points, distance_upper_bound=radius)[0])
         return out
+
+    def away(self, points: FloatArray) -> FloatArray:
+        """Return (k,) how far points (k, 3) are from the nearest that is there."""
+        out = np.full(len(points), np.inf)
+        for tree in self._trees:
+            out = np.minimum(out, tree.query(points)[0])
+        return out

@@ -24,6 +24,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MOST_LAYERS = 2000
+FRONTS = 24
+BARE = 1.3  # distance from points, over the step, at which a further front may begin
 LONGEST = 3.5  # edge of a triangle, over the step
 APART = 0.55  # least distance from points of other layers, over the step
 
@@ -41,7 +43,9 @@ class Triangulation:
         Counter-clockwise about the surface's normal.
     rows, columns : (n,) int
         Where each point is: neighbours in a row differ by one column; the apex over columns j and
-        j + 1 of row i has column j in row i + 1.
+        j + 1 of row i has column j in row i + 1. Rows of different fronts have different numbers.
+    fronts : (n,) int
+        The front that each point belongs to, from 0. Fronts have no triangle in common.
     """
 
     surface: FreeformSurface
@@ -50,6 +54,7 @@ class Triangulation:
     triangles: IntArray
     rows: IntArray
     columns: IntArray
+    fronts: IntArray
 
     def margins(self) -> FloatArray:
         """Return (m,) validity margins at the triangles' centroids: positive valid, 1 ideal."""
@@ -69,6 +74,7 @@ def progressive_conjugation(
     rows: Directions | None = None,
     layers: tuple[int, int] | None = None,
     bounds: tuple[float, float] = (0.55, 1.8),
+    fronts: int = FRONTS,
 ) -> Triangulation:
     """Triangulate by progressive conjugation: ideal triangles, whatever rows they make.
 
@@ -85,6 +91,10 @@ def progressive_conjugation(
         How many layers to build; to the border without it.
     bounds : (low, high)
         Heights of triangles, over those of equilateral ones on their edge.
+    fronts : int
+        How many may begin, each in the midst of the widest part that those before left bare: where
+        layers converge, or beside a singularity of the row field. With 1 the mesh is in one piece,
+        and with ``layers`` given there is one only.
 
     Raises
     ------
@@ -97,7 +107,7 @@ def progressive_conjugation(
     """
     how = Layering(_checked(step), *bounds)
     field = rows or smooth_rows(surface)
-    return _layers(surface, how, field, start, layers)
+    return _triangulated(surface, how, field, start, layers, fronts)
 
 
 def prespecified_conjugation(
@@ -109,6 +119,7 @@ def prespecified_conjugation(
     layers: tuple[int, int] | None = None,
     bounds: tuple[float, float] = (0.55, 1.8),
     hold: float = 0.15,
+    fronts: int = FRONTS,
 ) -> Triangulation:
     """Triangulate by pre-specified conjugation: rows follow a field, layers their conjugates.
 
@@ -120,7 +131,7 @@ def prespecified_conjugation(
     rows : Directions, optional
         The row field; ``smooth_rows(surface)`` without it. Across parabolic curves it must be
         near the flat principal direction.
-    start, layers, bounds
+    start, layers, bounds, fronts
         As for ``progressive_conjugation``.
     hold : float
         Weight of the wish for ideal heights against following the field.
@@ -136,7 +147,7 @@ def prespecified_conjugation(
     """
     field = rows or smooth_rows(surface)
     how = Layering(_checked(step), *bounds, follow=field, hold=hold)
-    return _layers(surface, how, field, start, layers)
+    return _triangulated(surface, how, field, start, layers, fronts)
 
 
 def _checked(step: float) -> float:
@@ -155,17 +166,89 @@ def middle_of(surface: FreeformSurface) -> FloatArray:
     return np.asarray(u[((x - x.mean(axis=0)) ** 2).sum(1).argmin()])
 
 
-def _layers(
+def _triangulated(
     surface: FreeformSurface,
     how: Layering,
     field: Directions,
     start: ArrayLike | None,
     layers: tuple[int, int] | None,
+    fronts: int,
 ) -> Triangulation:
+    """Lay fronts of layers, each beginning in the midst of what is left bare."""
     begin = middle_of(surface) if start is None else np.asarray(start, float)
-    seed = first_row(surface, field, begin, how.step)
-    made: dict[int, list[Row]] = {0: [seed]}
     crowd = Crowd()
+    seed = first_row(surface, field, begin, how.step)
+    made = [_assembled(surface, _front(surface, how, seed, crowd, layers), seed, how.step)]
+    if layers is None and fronts > 1:
+        count = int(np.clip(4 * len(made[0].points), 400, 8000))
+        seeds = surface.seeds(count)
+        places = surface.point(seeds)
+        bare = np.ones(len(seeds), bool)
+        while len(made) < fronts:
+            away = np.where(bare, crowd.away(places), 0.0)
+            at = int(away.argmax())
+            if away[at] < BARE * how.step:
+                break
+            # Whether a front fits here or not, none begins beside this place again.
+            bare &= np.linalg.norm(places - places[at], axis=1) > 0.8 * away[at]
+            more = _further(surface, how, field, seeds[at], crowd)
+            if more is not None:
+                made.append(more)
+    return _united(surface, made)
+
+
+def _further(
+    surface: FreeformSurface, how: Layering, field: Directions, begin: FloatArray, crowd: Crowd
+) -> Triangulation | None:
+    """Return the front that begins at a bare place, or None where no triangle fits."""
+    try:
+        row = first_row(surface, field, begin, how.step)
+    except LatticeError:  # the row is too short, or winds on
+        return None
+    # Of the row the stretch about the beginning that keeps off what is there.
+    pieces = kept(row, ~crowd.near(row.x, APART * how.step))
+    home = surface.point(begin)
+    near = [np.linalg.norm(piece.x - home, axis=1).min() for piece in pieces]
+    if not near or len(pieces[int(np.argmin(near))].x) < 3:
+        return None
+    seed = pieces[int(np.argmin(near))]
+    try:
+        return _assembled(surface, _front(surface, how, seed, crowd, None), seed, how.step)
+    except LatticeError:  # no triangle fits
+        return None
+
+
+def _united(surface: FreeformSurface, parts: list[Triangulation]) -> Triangulation:
+    """Return fronts as one triangulation."""
+    first = np.cumsum([0, *(len(part.points) for part in parts)])
+    low = [int(part.rows.min()) for part in parts]
+    base = np.cumsum([0, *(int(np.ptp(part.rows)) + 2 for part in parts)])
+    return Triangulation(
+        surface,
+        np.concatenate([part.parameters for part in parts]),
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.triangles + n for part, n in zip(parts, first, strict=False)]),
+        np.concatenate(
+            [parts[0].rows]
+            + [
+                p.rows - l + b + low[0]
+                for p, l, b in zip(parts[1:], low[1:], base[1:], strict=False)
+            ]
+        ),
+        np.concatenate([part.columns for part in parts]),
+        np.repeat(np.arange(len(parts)), np.diff(first)),
+    )
+
+
+def _front(
+    surface: FreeformSurface,
+    how: Layering,
+    seed: Row,
+    crowd: Crowd,
+    layers: tuple[int, int] | None,
+) -> dict[int, list[Row]]:
+    """Return the rows on both sides of a first one; the crowd gets their points."""
+    made: dict[int, list[Row]] = {0: [seed]}
     for side, limit in zip((1, -1), layers or (MOST_LAYERS, MOST_LAYERS), strict=True):
         now = [seed]
         for k in range(1, limit + 1):
@@ -188,7 +271,7 @@ def _layers(
         crowd.add([row.x for row in now])
         if side == 1:
             crowd.add([seed.x])
-    return _assembled(surface, made, seed, how.step)
+    return made
 
 
 def _assembled(
@@ -241,4 +324,5 @@ def _assembled(
         slots.reshape(-1, 3),
         np.array(rows, np.int64)[used],
         np.array(columns, np.int64)[used],
+        np.zeros(len(used), np.int64),
     )

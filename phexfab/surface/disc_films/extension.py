@@ -1,11 +1,12 @@
 """A disc-type film that goes on beyond its rim.
 
-Where the film's series still converges beyond the unit circle, it is simply used further out. Else
-a second film is sought, of a smooth rim a margin further out, which passes through the given rim:
-the given boundary is moved along the film's conormal (rounded off at corners, bent with the film),
-and the heights of the new rim are corrected until the given rim lies on the new film. To go on
-beyond a boundary is an ill-posed problem (Cauchy's): waves along the rim grow outwards as
-e^(margin/wavelength), so that the correction is regularised; a corner, at which a film has in
+Where the film's series still converges beyond the unit circle, it is simply used further out. Where
+the film lies well over a plane, its Gauss map is continued (`graph_extension`). Else a second film
+is sought, of a smooth rim a margin further out, which passes through the given rim: the given
+boundary is moved along the film's conormal (rounded off at corners, bent with the film), and the
+heights of the new rim are corrected until the given rim lies on the new film. To go on beyond a
+boundary is an ill-posed problem (Cauchy's): waves along the rim grow outwards as
+e^(margin/wavelength), so that fit and correction are regularised; a corner, at which a film has in
 general no continuation, is met to the reported distance and not exactly.
 """
 
@@ -21,8 +22,10 @@ from scipy.spatial import cKDTree
 
 from phexfab.errors import SurfaceError
 from phexfab.surface.disc_films.extension_offset import averaged, evened, film_edge, offset_curve
+from phexfab.surface.disc_films.graph_extension import continued_over_plan
 from phexfab.surface.disc_films.null_series import NullSeries, null_curve_surface
 from phexfab.surface.disc_films.plateau import DiscFilm, plateau
+from phexfab.surface.domain import Disc, Star
 from phexfab.surface.holomorphic import ComplexArray
 from phexfab.surface.rims.rim import Rim
 from phexfab.surface.weierstrass import MinimalSurface
@@ -46,8 +49,8 @@ class ExtendedFilm:
     Attributes
     ----------
     surface : MinimalSurface
-        Over the disc ``|z| <= radius``.
-    radius : float
+    domain : Disc
+        Of its parameters.
     film : DiscFilm
         The film of the given rim.
     margin : float
@@ -59,15 +62,23 @@ class ExtendedFilm:
     """
 
     surface: MinimalSurface
-    radius: float
+    domain: Disc
     film: DiscFilm
     margin: float
     rim_distance: float
     rim_parameters: ComplexArray
 
+    @property
+    def core(self) -> Disc:
+        """The part of the domain inside the rim."""
+        arm = self.rim_parameters - self.domain.centre
+        turn = 2 * np.pi * np.arange(len(arm)) / len(arm)
+        reach = np.interp(turn, np.angle(arm), np.abs(arm), period=2 * np.pi)
+        return Star(self.domain.centre, reach=reach)
+
     def contains(self, z: ComplexArray) -> NDArray[np.bool_]:
         """Return whether parameters belong to the surface."""
-        return np.abs(np.asarray(z)) <= self.radius
+        return self.domain.contains(z)
 
 
 def film_with_margin(
@@ -78,12 +89,29 @@ def film_with_margin(
 ) -> ExtendedFilm:
     """Return the film of a rim, going on beyond it by at least about ``margin`` (mm).
 
-    ``shares`` gives the margins that the film asks for, see `extended`.
+    Parameters
+    ----------
+    rim : Rim
+    margin : float, mm
+    free : sequence of int
+        Numbers of the sides that slide in their plane, see `plateau`.
+    shares : callable, optional
+        The margins that the film asks for, see `extended`.
 
     Raises
     ------
     SurfaceError
         As `plateau` and `extended`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import phexfab as px
+    >>> t = 2 * np.pi * np.arange(32) / 32
+    >>> saddle = np.stack([3000 * np.cos(t), 3000 * np.sin(t), 500 * np.cos(2 * t)], axis=-1)
+    >>> wide = px.film_with_margin(px.Rim.through(saddle), 400.0)
+    >>> wide.margin >= 400.0, wide.rim_distance < 0.1  # mm
+    (True, True)
     """
     film = plateau(rim, tolerance=FILM, free=free)
     return extended(film, margin, None if shares is None else shares(film))
@@ -113,7 +141,11 @@ def extended(film: DiscFilm, margin: float, shares: FloatArray | None = None) ->
             f"{film.surface.scale:.0f} mm; it must be positive and at most a third of that"
         )
     wanted = np.ones(len(film.angles)) if shares is None else np.asarray(shares, float)
-    return _continued(film, margin, wanted) or _enclosed(film, margin, wanted)
+    return (
+        _continued(film, margin, wanted)
+        or _over_plan(film, margin, wanted)
+        or _enclosed(film, margin, wanted)
+    )
 
 
 def _continued(film: DiscFilm, margin: float, shares: FloatArray) -> ExtendedFilm | None:
@@ -157,12 +189,23 @@ def _continued(film: DiscFilm, margin: float, shares: FloatArray) -> ExtendedFil
     surface = _scaled_surface(grown, film)
     at = np.exp(1j * film.angles) / high
     apart = np.linalg.norm(surface.point(at) - film.points, axis=1).max()
-    return ExtendedFilm(surface, 1.0, film, reached(high), float(apart), at)
+    return ExtendedFilm(surface, Disc(), film, reached(high), float(apart), at)
 
 
 def _scaled_surface(series: NullSeries, film: DiscFilm) -> MinimalSurface:
     low, high = film.rim.box
     return null_curve_surface(series, film.rim.name, film.surface.scale, 0.5 * (low + high))
+
+
+def _over_plan(film: DiscFilm, margin: float, shares: FloatArray) -> ExtendedFilm | None:
+    """Return the film continued by its Gauss map, if that meets the rim."""
+    made = continued_over_plan(film, margin, shares)
+    if made is None or made.apart > FARTHEST * margin:
+        return None
+    border = made.surface.point(made.domain.borders(1024)[0])
+    away, beside = cKDTree(film.points).query(border)
+    reached = float((away / shares[beside]).min())
+    return ExtendedFilm(made.surface, made.domain, film, reached, made.apart, made.places)
 
 
 def _enclosed(film: DiscFilm, margin: float, shares: FloatArray) -> ExtendedFilm:
@@ -200,7 +243,7 @@ def _enclosed(film: DiscFilm, margin: float, shares: FloatArray) -> ExtendedFilm
     worst, outer, at, _ = best
     away, beside = cKDTree(edge.points).query(outer.points)
     reached = float((away / share[beside]).min())
-    return ExtendedFilm(outer.surface, 1.0, film, reached, worst, at)
+    return ExtendedFilm(outer.surface, Disc(), film, reached, worst, at)
 
 
 def _feet(

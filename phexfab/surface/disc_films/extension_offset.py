@@ -148,7 +148,7 @@ def offset_curve(film: DiscFilm, edge: FilmEdge, margin: float, share: FloatArra
         raise SurfaceError(
             f"{film.rim.name}: the film cannot go on beyond its rim by {margin:.0f} mm near "
             f"{edge.points[i].round(0).tolist()}, where the rim turns inwards too sharply; "
-            "choose smaller panels or round the rim off there"
+            "choose smaller panels or round the rim off there (surface.smooth_inward)"
         )
     return curve
 

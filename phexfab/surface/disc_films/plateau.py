@@ -117,6 +117,19 @@ def plateau(
     ------
     SurfaceError
         If a free side cannot be free, or the film does not settle or is not resolved.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import phexfab as px
+    >>> t = 2 * np.pi * np.arange(32) / 32
+    >>> saddle = np.stack([3000 * np.cos(t), 3000 * np.sin(t), 500 * np.cos(2 * t)], axis=-1)
+    >>> film = px.plateau(px.Rim.through(saddle))
+    >>> print(f"{film.area / 1e6:.3f} m²")
+    29.046 m²
+    >>> bend = film.surface.principal_curvatures(0.0)
+    >>> print((1e3 * bend).round(3))  # 1/m, in the middle
+    [-0.109  0.109]
     """
     sides = sides_of(rim, free)
     if start is not None:

@@ -240,7 +240,29 @@ def atlas_surface(
     normals: FloatArray | None = None,
     name: str = "film on a mesh",
 ) -> MinimalSurface:
-    """Return `atlas` as a surface; see there."""
+    """Return the minimal surface through the vertices of a mesh: `atlas` as a surface.
+
+    Parameters
+    ----------
+    points : (n, 3) mm
+        On a minimal surface, or nearly: vertices of a mesh.
+    triangles : (m, 3) int
+    normals : (n, 3) unit vectors, optional
+    name : str
+
+    Raises
+    ------
+    MeshError, SurfaceError
+        As `atlas`.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = px.periodic_film("schwarz-d", cell=1000.0, edge_length=80.0)  # mm
+    >>> surface = px.atlas_surface(film.points, film.triangles)
+    >>> isinstance(surface, px.MinimalSurface)
+    True
+    """
     return atlas(points, triangles, normals=normals, name=name).surface
 
 

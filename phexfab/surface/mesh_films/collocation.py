@@ -19,6 +19,7 @@ from phexfab.errors import SurfaceError
 from phexfab.linalg import factorise
 from phexfab.surface.mesh_films.atlas import Atlas, atlas_of_charts
 from phexfab.surface.mesh_films.chart_fit import (
+    Charts,
     fit,
     fit_or_lower,
     local_normal,
@@ -60,8 +61,23 @@ class Collocated:
     rough: int
 
 
-def collocate(points: FloatArray, triangles: IntArray, held: Held, name: str) -> Collocated:
+def collocate(
+    points: FloatArray,
+    triangles: IntArray,
+    held: Held,
+    name: str,
+    near: Charts | None = None,
+) -> Collocated:
     """Move the free vertices of a mesh of least area onto the smooth film.
+
+    Parameters
+    ----------
+    points : (n, 3) float, in mm
+    triangles : (m, 3) int
+    held : Held
+    name : str
+    near : Charts, optional
+        Those of the same mesh when its points were nearly the same, to start from.
 
     Raises
     ------
@@ -74,6 +90,8 @@ def collocate(points: FloatArray, triangles: IntArray, held: Held, name: str) ->
     stencil = stencils(everywhere, mesh.triangles, count)
     normals = vertex_normals(everywhere, mesh.triangles)
     charts = start_charts(everywhere, stencil, normals)
+    if near is not None:
+        charts = replace(near, origin=everywhere[:count], lift=np.zeros(count))
     # Sliding vertices move in their planes; by symmetry their charts' normals lie there already.
     free = np.flatnonzero(~held.fixed)
     rough = np.zeros(count, bool)

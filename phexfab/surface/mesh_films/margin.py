@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from phexfab.errors import DesignError, SurfaceError
 from phexfab.surface.mesh_films.atlas import Atlas
 from phexfab.surface.mesh_films.film_area import heights_over
-from phexfab.surface.mesh_films.mesh_film import MeshFilm, film_from, mesh_film
+from phexfab.surface.mesh_films.mesh_film import MeshFilm, film_from, mesh_film, moved_film
 from phexfab.surface.mesh_films.start import StartMesh
 from phexfab.surface.mesh_films.strip import strip
 from phexfab.surface.rims.rim import Rim
@@ -108,7 +108,7 @@ def mesh_film_with_margin(
             _corrected(offset, share * height, normal, width)
             for offset, (height, normal), width in zip(offsets, gaps, margins, strict=True)
         ]
-        wide = _widened(film, tried, edge)
+        wide = _lifted(best, film, tried) or _widened(film, tried, edge)
         if wide.off_rim < best.off_rim:
             best, offsets = wide, tried
         else:  # waves that the margin cannot take, as those of a corner, weigh too much
@@ -122,6 +122,24 @@ def _widened(film: MeshFilm, offsets: list[_Offset], edge: float) -> MeshFilm:
         wide = film_from(_with_strips(film, border, edge), film.name, border)
     else:
         wide = mesh_film(border, edge, name=film.name)
+    return _measured(wide, film, offsets)
+
+
+def _lifted(wide: MeshFilm, film: MeshFilm, offsets: list[_Offset]) -> MeshFilm | None:
+    """Return the film of nearly the same rims on the same mesh; None where it does not settle."""
+    border = tuple(_as_rim(offset) for offset in offsets)
+    points = wide.points.copy()
+    for k, rim in enumerate(border):
+        on = np.flatnonzero(wide.rim_of == k)
+        points[on] = rim.point(wide.parameter[on])
+    try:
+        lifted = moved_film(wide, points, border)
+    except SurfaceError:
+        return None
+    return _measured(lifted, film, offsets)
+
+
+def _measured(wide: MeshFilm, film: MeshFilm, offsets: list[_Offset]) -> MeshFilm:
     off = max(float(np.abs(heights_over(wide.atlas, offset.inner)[0]).max()) for offset in offsets)
     return replace(wide, rims=film.rims, off_rim=off)
 

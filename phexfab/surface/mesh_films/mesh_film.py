@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from phexfab.errors import SurfaceError
-from phexfab.surface.mesh_films.area import smallest_angle
+from phexfab.linalg import factorise
+from phexfab.surface.mesh_films.area import smallest_angle, stiffness
 from phexfab.surface.mesh_films.atlas import Atlas
 from phexfab.surface.mesh_films.collocation import collocate
 from phexfab.surface.mesh_films.descent import PinchError, descend
@@ -128,6 +129,17 @@ def mesh_film(
     References
     ----------
     Pinkall, Polthier (1993); Brakke (1992), see `phexfab.surface.mesh_films.area`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import phexfab as px
+    >>> t = 2 * np.pi * np.arange(24) / 24
+    >>> ring = 2000 * np.stack([np.cos(t), np.sin(t), 0 * t], axis=-1)  # mm
+    >>> rims = (px.Rim.through(ring), px.Rim.through(ring[::-1] + [0, 0, 1000]))
+    >>> film = px.mesh_film(rims, edge=300.0)  # a catenoid
+    >>> print(f"{film.area / 1e6:.2f} m², {film.unstable} unstable directions")
+    12.43 m², 0 unstable directions
     """
     rims = tuple(rims)
     start = start_mesh(rims, edge)
@@ -165,6 +177,15 @@ def film_of_mesh(
         If the mesh is not a manifold.
     SurfaceError
         If a face is no triangle, the mesh has no border, or the film pinches.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> cell = px.periodic_film("schwarz-p", cell=1000.0, edge_length=150.0).cut  # mm
+    >>> mesh = px.PolyMesh.from_faces(cell.points, cell.triangles)
+    >>> film = px.film_of_mesh(mesh)
+    >>> len(film.border_loops())
+    6
     """
     points = np.asarray(mesh.vertices, float)
     if mesh.n_faces == 0 or (mesh.sides != 3).any():
@@ -253,6 +274,44 @@ def film_from(start: StartMesh, name: str, rims: tuple[Rim, ...]) -> MeshFilm:
         except SurfaceError:
             pass
         raise SurfaceError(f"{error}; there is no film of this shape in the rims") from error
+
+
+def moved_film(film: MeshFilm, points: FloatArray, rims: tuple[Rim, ...]) -> MeshFilm:
+    """Return the film on the same mesh after its fixed vertices moved a little.
+
+    Parameters
+    ----------
+    film : MeshFilm
+    points : (n, 3) float, in mm
+        Only those of fixed vertices count.
+    rims : tuple of Rim
+        On which they lie, at the same parameters as before.
+
+    Raises
+    ------
+    SurfaceError
+        If it does not settle from where it was.
+    """
+    move = np.where(film.held.fixed[:, None], points - film.points, 0.0)
+    free = np.flatnonzero(~film.held.fixed)
+    matrix = stiffness(film.points, film.triangles).tocsr()
+    move[free] = factorise(matrix[free][:, free]).solve(-(matrix @ move)[free])
+    smooth = collocate(film.points + move, film.triangles, film.held, film.name, film.atlas.charts)
+    return replace(
+        film,
+        points=smooth.points,
+        atlas=smooth.atlas,
+        rims=rims,
+        border=rims,
+        area=smooth_area(
+            smooth.points, film.triangles, smooth.atlas, rims, film.rim_of, film.parameter
+        ),
+        defect=smooth.defect,
+        smallest_angle=smallest_angle(smooth.points, film.triangles),
+        off_rim=_off_rim(smooth.atlas, rims, film.rim_of, film.held),
+        steps=film.steps + smooth.steps,
+        rough=smooth.rough,
+    )
 
 
 def _finished(

@@ -281,7 +281,7 @@ def periodic_surface(name: str) -> PeriodicSurface:
     corner = {
         "schwarz-p": [0.5, 0.5, 0.5],
         "schwarz-d": [0.25, 0.25, 0.25],
-        "gyroid": [1 / 64, 1 / 64, 17 / 64],
+        "gyroid": [1 / 128, 1 / 128, 33 / 128],
     }
     return PeriodicSurface(
         name,

@@ -140,6 +140,13 @@ def periodic_film(
     ------
     SurfaceError
         If a size is impossible, or the surface touches a face of the box without crossing it.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> film = px.periodic_film("schwarz-p", cell=1000.0, edge_length=100.0)  # mm
+    >>> len(film.umbilics), len(film.cut.borders)  # flat points, round openings
+    (8, 6)
     """
     surface = periodic_surface(name)
     if not 0 < cell < np.inf:

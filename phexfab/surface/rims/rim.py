@@ -35,6 +35,16 @@ class Rim:
         The smooth pieces in their order.
     breaks
         (p + 1,) parameters from 0 to 1 at which the pieces meet; every corner is one of them.
+
+    Examples
+    --------
+    >>> import phexfab as px
+    >>> posts = [(0, 0, 2600), (5000, 0, 3400), (5000, 4000, 2600), (0, 4000, 3400)]  # mm
+    >>> rim = px.Rim.through(posts, corners=[0, 1, 2, 3])
+    >>> print(f"{rim.length:.0f} mm, {len(rim.sides())} straight sides")
+    18286 mm, 4 straight sides
+    >>> print(rim.point(rim.corners[1]).round(6))
+    [5000.    0. 3400.]
     """
 
     name: str
@@ -49,7 +59,7 @@ class Rim:
         Without corners a periodic spline of degree 5, with corners a spline of degree 5 for each
         side; two points, or points on a line, give an exactly straight side. The spline's
         parameter is its own arc length, found by iteration, so that the error falls with the
-        sixth power of the spacing on smooth data however uneven the spacing [1]_.
+        sixth power of the spacing on smooth data however uneven the spacing.
 
         Parameters
         ----------
@@ -69,8 +79,8 @@ class Rim:
 
         References
         ----------
-        .. [1] M. S. Floater, T. Surazhsky, "Parameterization for curve interpolation",
-           Topics in Multivariate Approximation and Interpolation, 2006, 39-54.
+        M. S. Floater, T. Surazhsky, "Parameterization for curve interpolation",
+        Topics in Multivariate Approximation and Interpolation, 2006, 39-54.
         """
         found, sharp = clean_points(points, corners, name)
         if not len(sharp):

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.cad.brep import verify_solids
-from phexfab.cad.dxf import write_sheets
-from phexfab.cad.step import StepHeader, write_step
+from phexfab.delivery.formats import FORMATS
+from phexfab.delivery.job import LAYOUT, Job, Progress
+from phexfab.delivery.swap import DESKTOP_FILES, swap
 from phexfab.errors import DesignError, PartError
 from phexfab.fabrication.bom import bom_rows, write_bom
 from phexfab.fabrication.checks import measure
-from phexfab.fabrication.layout import layout_to_json, sheet_yield
-from phexfab.fabrication.marking import Marking, marking
-from phexfab.fabrication.nest import nest_all
+from phexfab.fabrication.layout import sheet_yield
+from phexfab.fabrication.marking import Marking
 from phexfab.fabrication.parts import FlatPart, Sheet
 from phexfab.mesh import write_obj
 from phexfab.report.data import ReportData
@@ -32,21 +30,7 @@ from phexfab.report.page import write_report
 if TYPE_CHECKING:
     from phexfab.pipeline import Build
 
-Progress = Callable[[str, int, int], None]
-LAYOUT = "layout.json"
-CONTENTS = frozenset(
-    {
-        "shell.obj",
-        "gauss.obj",
-        "parts.step",
-        "sheets",
-        "bom.csv",
-        "report.json",
-        "report.html",
-        LAYOUT,
-    }
-)
-DESKTOP_FILES = frozenset({".DS_Store", "Thumbs.db", "desktop.ini"})  # left by file managers
+ALWAYS = ("shell.obj", "gauss.obj", "bom.csv", "report.json", "report.html", LAYOUT)
 LIBRARIES = (
     "phexfab", "numpy", "scipy", "shapely", "manifold3d", "ezdxf", "spyrrow", "matplotlib",
     "cadquery", "cadquery-ocp", "build123d",
@@ -64,8 +48,8 @@ def deliver(built: Build, directory: Path, say: Progress) -> Path:
     with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as made:
         fresh = Path(made) / target.name
         fresh.mkdir()
-        _write_all(built, fresh, target, say)
-        _swap(fresh, target, Path(made) / "old")
+        _write_all(Job(built, target, say), fresh)
+        swap(fresh, target, Path(made) / "old")
     return directory
 
 
@@ -75,7 +59,7 @@ def _refuse_foreign(target: Path) -> None:
         return
     if not target.is_dir():
         raise DesignError(f"{target} is a file; name a folder for the output")
-    known = CONTENTS | DESKTOP_FILES
+    known = {*ALWAYS, *(name for kind in FORMATS.values() for name in kind.names), *DESKTOP_FILES}
     foreign = sorted(path.name for path in target.iterdir() if path.name not in known)
     if foreign:
         raise DesignError(
@@ -84,47 +68,23 @@ def _refuse_foreign(target: Path) -> None:
         )
 
 
-def _swap(fresh: Path, target: Path, old: Path) -> None:
-    """Put the fresh folder in the target's place, and the old one back if that fails."""
-    if not target.exists():
-        fresh.rename(target)
-        return
-    target.rename(old)
-    try:
-        fresh.rename(target)
-    except OSError:
-        old.rename(target)
-        raise
-    shutil.rmtree(old)
-
-
-def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
+def _write_all(job: Job, folder: Path) -> None:
+    built, say = job.built, job.say
     design, parts, shell = built.design, built.parts, built.shell
-    say("nesting", 0, 0)
-    flats, sheets, layouts, notes = _nest(built, before, say)
+    flats, sheets, layouts, notes = job.nested
     say("solids", 0, 0)
     invalid = verify_solids(parts)
     if invalid:
         raise PartError(f"the CAD kernel refuses the solids of {', '.join(invalid)}")
-    project = design.project
-    header = StepHeader(
-        name=design.name,
-        author=project.author,
-        organisation=project.organisation,
-        timestamp=project.date.isoformat() + "T00:00:00" if project.date else None,
-    )
-    write_step(parts, folder / "parts.step", header)
+    for key in dict.fromkeys(("step", "dxf", *design.output.files)):
+        say(key, 0, 0)
+        FORMATS[key].write(job, folder / FORMATS[key].name)
     write_obj(shell.mesh, folder / "shell.obj")
     write_obj(shell.gauss, folder / "gauss.obj")
-    say("sheets", 0, 0)
-    engraved = {mark: marking(flat) for mark, flat in flats.items()}
-    lines = {mark: made.lines for mark, made in engraved.items()}
-    meta = {"project": design.name, "revision": project.revision, "author": project.author}
-    version = design.output.dxf_version
-    write_sheets(sheets, flats, folder / "sheets", meta, version=version, marks=lines)
+    lines = {mark: made.lines for mark, made in job.engraved.items()}
     write_bom(folder / "bom.csv", bom_rows(parts, sheets))
     (folder / LAYOUT).write_text(_json(layouts), encoding="utf-8")
-    figures = {**built.figures, **_sheet_figures(sheets, flats), **_marking_figures(engraved)}
+    figures = {**built.figures, **_sheet_figures(sheets, flats), **_marking_figures(job.engraved)}
     say("report", 0, 0)
     versions = _versions()
     (folder / "report.json").write_text(_json(_report(built, figures, versions)), encoding="utf-8")
@@ -145,42 +105,6 @@ def _write_all(built: Build, folder: Path, before: Path, say: Progress) -> None:
         ),
         folder / "report.html",
     )
-
-
-def _nest(
-    built: Build, before: Path, say: Progress
-) -> tuple[dict[str, FlatPart], list[Sheet], dict[str, Any], list[str]]:
-    """Nest both families; layouts of the last build serve again where nothing has changed."""
-    asked = built.design.nesting
-    kept: Mapping[str, Any] = {}
-    if (before / LAYOUT).is_file():
-        try:
-            kept = json.loads((before / LAYOUT).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            kept = {}
-    flats: dict[str, FlatPart] = {}
-    sheets: list[Sheet] = []
-    layouts: dict[str, Any] = {}
-    notes: list[str] = []
-    for family, made in (("panels", built.parts.panels), ("beams", built.parts.beams)):
-        own = {part.mark: part.flat for part in made}
-        if not own:
-            continue
-        previous = kept.get(family)
-        nested = nest_all(
-            list(own.values()),
-            built.stocks[family],
-            seed=asked.seed,
-            seconds=asked.seconds,
-            packer=asked.packer,
-            previous=json.dumps(previous) if previous else None,
-            progress=partial(say, f"nesting {family}"),
-        )
-        layouts[family] = json.loads(layout_to_json(nested))
-        sheets += nested.sheets
-        notes += nested.notes
-        flats |= own
-    return flats, sheets, layouts, notes
 
 
 def _sheet_figures(

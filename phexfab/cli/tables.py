@@ -1,12 +1,12 @@
-"""What the command line shows: tables on standard output, progress on standard error."""
+"""What people see: tables on standard output, a bar of progress on standard error."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -15,11 +15,12 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from phexfab.cad.doctor import Finding
+    from phexfab.cli.voice import Report
     from phexfab.comparison import Comparison
     from phexfab.fabrication.parts import CheckResult
     from phexfab.inspection import Inspection
 
-Report = Callable[[str, int, int], None]
+Figures = Mapping[str, tuple[float | int | str, str]]
 NARROW = 60
 FAMILIES = ("panels", "beams", "nodes")
 
@@ -30,11 +31,8 @@ def _console() -> Console:
 
 
 @contextmanager
-def progress() -> Iterator[Report | None]:
-    """Yield ``report(stage, done, total)``, or None where nobody watches: not on a terminal.
-
-    A total of 0 means that nobody knows how long the stage takes.
-    """
+def bar() -> Iterator[Report | None]:
+    """Yield ``report(stage, done, total)`` that draws a bar, or None away from a terminal."""
     console = Console(file=sys.stderr)
     if not console.is_terminal or console.is_dumb_terminal:
         yield None
@@ -45,17 +43,17 @@ def progress() -> Iterator[Report | None]:
         BarColumn(bar_width=24),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
+    with Progress(*columns, console=console, transient=True) as drawn:
+        task = drawn.add_task("reading", total=None)
         stage_now = ""
 
         def report(stage: str, done: int, total: int) -> None:
             nonlocal stage_now
             if stage != stage_now:
                 stage_now = stage
-                bar.reset(task, description=escape(stage), total=total or None, completed=done)
+                drawn.reset(task, description=escape(stage), total=total or None, completed=done)
             else:
-                bar.update(task, total=total or None, completed=done)
+                drawn.update(task, total=total or None, completed=done)
 
         yield report
 
@@ -66,8 +64,11 @@ def figure(value: float, unit: str) -> str:
     return number if unit == "1" else f"{number} {unit}"
 
 
-def show_checks(results: Sequence[CheckResult]) -> None:
-    """Print the checks as a table, or two lines to a check on a narrow terminal."""
+def show_checks(results: Sequence[CheckResult], notes: bool = False) -> None:
+    """Print the checks as a table, or two lines to a check on a narrow terminal.
+
+    What a check measured and what to change is said of those that fail, with ``notes`` of all.
+    """
     console = _console()
     table = Table(box=None, pad_edge=False)
     table.add_column("check", overflow="fold")
@@ -86,19 +87,30 @@ def show_checks(results: Sequence[CheckResult]) -> None:
     if console.width >= NARROW:
         console.print(table)
     for result in results:
-        if not result.ok and result.note:
-            console.print(f"[bold red]{escape(result.name)}[/]: {escape(result.note)}")
+        if result.note and (notes or not result.ok):
+            style = "bold" if result.ok else "bold red"
+            console.print(f"[{style}]{escape(result.name)}[/]: {escape(result.note)}")
 
 
-def show_build(directory: Path, figures: Mapping[str, tuple[float | int | str, str]]) -> None:
+def show_figures(figures: Figures) -> None:
+    """Print the key figures of a build."""
+    table = _listing()
+    for name, (value, unit) in figures.items():
+        number = figure(value, unit or "1") if isinstance(value, float) else f"{value} {unit}"
+        table.add_row(escape(name), escape(number.strip()))
+    _console().print(table)
+
+
+def counted(figures: Figures) -> str:
+    """Return how many parts there are of each family, such as ``304 panels, 988 beams``."""
+    own = [name for name in FAMILIES if name in figures and figures[name][0]]
+    return ", ".join(f"{figures[name][0]} {name}" for name in own)
+
+
+def show_folder(directory: Path, figures: Figures) -> None:
     """Print how many parts there are, and what lies in the output folder."""
     console = _console()
-    counts = [
-        f"{figures[name][0]} {name}" for name in FAMILIES if name in figures and figures[name][0]
-    ]
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(overflow="fold")
-    table.add_column(justify="right", no_wrap=True)
+    table = _listing()
     for entry in sorted(directory.iterdir()):
         if entry.is_dir():
             files = [path for path in entry.rglob("*") if path.is_file()]
@@ -106,31 +118,33 @@ def show_build(directory: Path, figures: Mapping[str, tuple[float | int | str, s
             table.add_row(escape(f"{entry.name}/ ({len(files)} files)"), _bytes(size))
         else:
             table.add_row(escape(entry.name), _bytes(entry.stat().st_size))
+    counts = counted(figures)
     console.print()
-    said = f": {', '.join(counts)}" if counts else ""
+    said = f": {counts}" if counts else ""
     console.print(f"[bold]{escape(str(directory))}[/]{said}", soft_wrap=True)
     console.print(table)
 
 
-def show_surfaces() -> None:
-    """Print the catalog: names, options with their defaults, and which way a surface closes."""
-    from phexfab.surface.catalog import catalog
-    from phexfab.surface.periodic.closed_forms import PERIODIC
+def show_line(verdict: str, name: str, said: str) -> None:
+    """Print what came of one design among several."""
+    style = "green" if verdict == "ok" else "bold red"
+    console = _console()
+    console.print(f"[{style}]{verdict:6}[/] {escape(name)}  {escape(said)}", soft_wrap=True)
 
+
+def show_surfaces(named: Sequence[Mapping[str, Any]], periodic: Sequence[str]) -> None:
+    """Print the catalog: names, options with their defaults, and which way a surface closes."""
     console = _console()
     table = Table(box=None, pad_edge=False)
     for column in ("name", "options", "closes", "what it is"):
         table.add_column(column, overflow="fold")
-    for name, entry in catalog.items():
-        own = {key: value for key, value in entry.options.items() if key != "bonnet_angle"}
-        options = ", ".join(f"{key} = {value:g}" for key, value in own.items())
-        period = entry.make().period
-        closes = "" if period is None else ("v" if abs(period.imag) > abs(period.real) else "u")
-        table.add_row(name, options, closes, escape(entry.description))
+    for entry in named:
+        options = ", ".join(f"{key} = {value:g}" for key, value in entry["options"].items())
+        table.add_row(entry["name"], options, entry["closes"] or "", escape(entry["description"]))
     console.print(table)
     console.print("\nEvery one also takes bonnet_angle (degrees): 90 is the conjugate surface.")
     console.print(
-        f"Periodic surfaces (surface.periodic, any number of cells): {', '.join(PERIODIC)}"
+        f"Periodic surfaces (surface.periodic, any number of cells): {', '.join(periodic)}"
     )
 
 
@@ -172,8 +186,8 @@ def show_inspection(found: Inspection) -> None:
         console.print(escape(note), soft_wrap=True)
 
 
-def show_findings(findings: Sequence[Finding]) -> None:
-    """Print what the doctor found, remedies last."""
+def show_findings(findings: Sequence[Finding], repair: str) -> None:
+    """Print what the doctor found, and last the one line that repairs it."""
     console = _console()
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(no_wrap=True)
@@ -183,9 +197,16 @@ def show_findings(findings: Sequence[Finding]) -> None:
         verdict = "[green]ok[/]" if finding.ok else "[bold red]BROKEN[/]"
         table.add_row(escape(finding.name), verdict, escape(finding.detail))
     console.print(table)
-    for finding in findings:
-        if finding.remedy:
-            console.print(f"{escape(finding.name)}: {escape(finding.remedy)}", soft_wrap=True)
+    if repair:
+        console.print(f"\nTo repair it: {escape(repair)}", soft_wrap=True)
+
+
+def _listing() -> Table:
+    """Return a table of names with numbers at the right."""
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(overflow="fold")
+    table.add_column(justify="right", no_wrap=True)
+    return table
 
 
 def _bytes(size: int) -> str:
