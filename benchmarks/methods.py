@@ -18,7 +18,6 @@ from phexfab.errors import PhexError
 from phexfab.mesh.measures import mean_edge, relative_planarity, shortest_edge, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.conjugate.fields import Family, level_family, principal_family
-from phexfab.remesh.conjugate.hexagons import conjugate_hexagons
 from phexfab.remesh.coverage import coverage
 from phexfab.remesh.dupin.hexagons import tangent_hexagons
 from phexfab.remesh.dupin.planar import dupin_hexagons
@@ -133,7 +132,7 @@ def tangent(case: Case) -> PolyMesh:
 
 def conjugate(case: Case) -> PolyMesh:
     """Hexagons in brick layout along conjugate curves."""
-    return conjugate_hexagons(case.surface, case.family, case.size, crossing="drop").mesh
+    return conjugate_sectors(case.surface, case.family, case.size, crossing="drop").mesh
 
 
 def quads(kind: str) -> Callable[[Case], PolyMesh]:

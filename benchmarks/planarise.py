@@ -228,7 +228,7 @@ def main() -> None:
                     moved = np.linalg.norm(x - mesh.vertices, axis=1) / size
                     after = edge_lengths(made)
                     print(
-                        f"  {label:20}{seconds:9.2f}{relative_planarity(made).max():11.1e}"
+                        f"  {label:20}{seconds:9.3f}{relative_planarity(made).max():11.1e}"
                         f"{np.sqrt((moved**2).mean()):9.4f}{moved.max():9.3f}"
                         f"{(after / before).min():10.3f}{after.min() / before.min():10.3f}"
                         f"{int((simple & ~simple_faces(made)).sum()):9d}",

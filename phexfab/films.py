@@ -40,7 +40,7 @@ Figures = Mapping[str, tuple[float | int | str, str]]
 
 MARGIN = 1.7
 """Panels by which a film reaches beyond its rims: border panels need whole neighbours."""
-BLUR = 1e-9
+BLUR = 1e-7
 """Share of a film's Hopf differential that is not its own: it parts umbilics of higher order."""
 FINE = 30
 """Edges of a periodic film's mesh along its cell, at least: fewer do not show its umbilics."""
@@ -227,19 +227,14 @@ def _round_piece(design: Design, margin: float) -> Film:
         outer *= 1.02
     rim = centre + radius * turn
     border = Border(smooth.point(rim), smooth.normal(rim), np.zeros(0, np.int64))
-    return Film(
-        smooth,
-        _grown(design, smooth, Disc(centre, outer), Disc(centre, radius)),
-        (border,),
-        0.0,
-        {},
-    )
+    lattice = _grown(design, smooth, Disc(centre, outer), Disc(centre, radius))
+    return Film(smooth, lattice, (border,), 0.0, {})
 
 
 def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
     rim = film.rim
-    if len(rim.corners):  # where a film is flat, and panels are large
-        margin *= 1.4
+    # Where a film is flat, as at corners, panels are large.
+    margin *= 1.4 if len(rim.corners) else 1.25
     if not margin <= film.surface.scale / 3:
         size = design.lattice.panel_size
         raise LatticeError(

@@ -273,10 +273,15 @@ def _rounds(
                 fold(whole, ground, one, at, flat, wanted)
                 for one, at, flat in zip(borders, stations, folds, strict=True)
             ]
-        fences = [
-            build_fence(one, at, size / 12, along)
-            for one, at in zip(borders, stations, strict=True)
-        ]
+        try:
+            fences = [
+                build_fence(one, at, size / 12, along)
+                for one, at in zip(borders, stations, strict=True)
+            ]
+        except MeshError as error:  # stations that stepped aside may make planes lean too much
+            if not k and wanted is None:
+                raise
+            return best, failure or error
         push = 1e-7 * size * (-1.0 if k % 2 == 0 else 1.0)
         try:
             made = _attempt(whole, ground, fences, push, limits)

@@ -174,7 +174,8 @@ def build_fence(
             "film there: choose another"
             if direction is not None
             else "the film twists too much along a border that is too straight there: round or "
-            "straighten the border, put a corner there, or choose a direction for the cut"
+            "straighten the border, put a corner there, choose a direction for the cut, or end in "
+            'whole panels (border.panels = "whole")'
         )
         raise MeshError(
             f"the cut would lean {lean[worst]:.0f}° from the film's normal at {place(spot)}, more "

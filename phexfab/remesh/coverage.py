@@ -94,7 +94,7 @@ def coverage(
     points = surface.point(u)
     away, near = cKDTree(points).query(points, min(9, len(points)))
     weight = _areas(surface, u, away.reshape(len(points), -1)[:, -1])
-    covered = _under(mesh, points)
+    covered = under(mesh, points)
     total = float(weight.sum())
     return Coverage(
         float(weight[covered].sum()) / total,
@@ -112,7 +112,7 @@ def _areas(surface: FreeformSurface, u: FloatArray, near: FloatArray) -> FloatAr
     return np.asarray(np.linalg.norm(np.cross(first[:, 0], first[:, 1]), axis=1))
 
 
-def _under(mesh: PolyMesh, points: FloatArray) -> BoolArray:
+def under(mesh: PolyMesh, points: FloatArray) -> BoolArray:
     """Return (n,) whether points lie over or under a face, as near as the face is wide."""
     centre, normal = face_centroids(mesh), np.nan_to_num(face_normals(mesh))
     index = cKDTree(centre).query(points, min(_NEAR, mesh.n_faces))[1].reshape(len(points), -1)

@@ -15,6 +15,7 @@ from phexfab.surface.holomorphic import ComplexArray
 IntArray = NDArray[np.int64]
 
 DEEPEST = 22
+MOST_OPEN = 40_000  # squares still to be covered, beyond which a function is noise to them
 ALONG = np.linspace(-0.96, 0.96, 9)
 ROUND = np.concatenate([1j**k * (1 + 1e-9 + 1j * ALONG) for k in range(4)])  # a square's border
 
@@ -102,7 +103,7 @@ def cover(
         middle = corner + (2 * column + 1) * half + 1j * (2 * row + 1) * half
         near = ~domain.is_outside(middle, half * np.sqrt(2))
         column, row, middle = column[near], row[near], middle[near]
-        if not len(middle):
+        if not 0 < len(middle) <= MOST_OPEN:
             break
         mine = owners(middle, half)
         done = mine >= 0

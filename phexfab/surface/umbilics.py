@@ -33,8 +33,10 @@ CELLS = (6, 12, 24, 48)  # squares along the first grid; the next one where the 
 SAMPLES = 64
 CIRCLE = np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)
 HALVINGS, MOST_OPEN = 36, 4096  # of the pieces between samples; pieces of a loop left to halve
+CIRCLES = (1.6, 2.2)  # about a square, in halves of its side; a multiple zero needs some room
 ALIKE = 0.7  # |Q_next/Q - 1| of neighbouring samples, so that no turn of the phase is missed
 SMALLEST = 1e-9  # of the radius: a square that small is a point
+MOST_SQUARES = 4096  # that are still to be searched
 UNRESOLVED = -(10**6)
 
 
@@ -288,7 +290,9 @@ def _search(
             mine = np.maximum(np.abs(away.real), np.abs(away.imag)) <= 1.1 * half
             if turn > 0 and sum(o for o, m in zip(orders, mine, strict=True) if m) == turn:
                 continue
-            single = _single(quantity, complex(z), 1.6 * half, blur) if turn > 0 else None
+            single = None
+            for reach in CIRCLES if turn > 0 else ():
+                single = single or _single(quantity, complex(z), reach * half, blur)
             if single is not None and abs(single[0] - z) <= 1.6 * half:
                 if not any(abs(single[0] - p) <= 1e-7 * domain.radius for p in places):
                     places.append(single[0])
@@ -304,6 +308,12 @@ def _search(
                     f"{name}: {what} lies in the domain at z = {show(place)}: the surface runs to "
                     "infinity (an end) or is not analytic there; choose a domain without it"
                 )
+        if len(rest) > MOST_SQUARES:
+            raise SurfaceError(
+                f"{name}: the Hopf differential is noise around z = {show(rest[0])}: the surface is "
+                "not analytic there, or not known well enough; choose a smaller domain, or a "
+                "smoother rim"
+            )
         half /= 2
         children = half * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])
         centre = np.asarray((np.array(rest, complex)[:, None] + children).ravel(), complex)

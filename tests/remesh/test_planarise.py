@@ -15,6 +15,7 @@ from phexfab.remesh.planarity.hold import BorderCurve
 from phexfab.remesh.planarity.nearest import MeshReference
 from phexfab.remesh.planarity.planarise import planarise
 from phexfab.surface import surface
+from phexfab.surface.freeform.surface import implicit, parametric
 from phexfab.triangular import EQUILATERAL
 
 
@@ -226,6 +227,34 @@ def test_a_smooth_surface_as_reference():
     assert off_planes(close.mesh).max() < 1e-12 * mean_edge(mesh)
     assert close.report.off_reference < 0.05 * mean_edge(mesh)
     assert close.report.motion_rms > alone.report.motion_rms
+
+
+@pytest.mark.parametrize("kind", ["parametric", "implicit"])
+def test_a_freeform_surface_as_reference(kind):
+    # A sphere of 2 m about the origin: the distance from it is known without the surface.
+    radius = 2000.0
+    if kind == "parametric":
+        dome = parametric(
+            lambda x, y: (x, y, np.sqrt(radius**2 - x * x - y * y)), (-900, 900, -900, 900)
+        )
+    else:
+        dome = implicit(
+            lambda p: (p * p).sum(axis=-1) - radius**2,
+            lambda p: 2 * p,
+            lambda p: np.broadcast_to(2 * np.eye(3), (*p.shape[:-1], 3, 3)),
+            ([-2100.0] * 3, [2100.0] * 3),
+        )
+
+    def away(found):
+        return np.abs(np.linalg.norm(found.mesh.vertices, axis=1) - radius)
+
+    mesh = quads(10, lambda x, y: np.sqrt(16 - x * x - y * y))  # of 500 mm, as its grid
+    mesh = noisy(mesh, 0.03)
+    alone = planarise(mesh, keep_border=False)
+    close = planarise(mesh, keep_border=False, reference=dome)
+    assert np.sqrt((away(close) ** 2).mean()) < 0.2 * np.sqrt((away(alone) ** 2).mean())
+    assert close.report.off_reference == pytest.approx(away(close).max(), rel=1e-6)
+    assert off_planes(close.mesh).max() < 1e-12 * mean_edge(mesh)
 
 
 def test_nearest_points_of_a_mesh_are_no_farther_than_any_sample():

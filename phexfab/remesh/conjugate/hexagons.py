@@ -13,7 +13,7 @@ from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.conjugate.fields import Family
 from phexfab.remesh.conjugate.net import Base, ConjugateNet, base_curves, conjugate_net, joined
 from phexfab.remesh.conjugate.sampling import Sampling, crossing_number, sample
-from phexfab.remesh.dupin.hexagons import OnSurface
+from phexfab.remesh.planarity.nearest import FreeformReference
 from phexfab.remesh.planarity.planarise import Planarised, planarise
 from phexfab.surface.freeform.surface import FreeformSurface
 
@@ -189,6 +189,31 @@ def conjugate_hexagons(
     ----------
     Thesis §5.2; Wang, Liu 2008, "A note on planar hexagonal meshes".
     """
+    bricks, sampling = chosen_bricks(
+        surface, family, size, rows=rows, seed=seed, shift=shift, limit=limit, longest=longest,
+        least_angle=least_angle, start=start,
+    )  # fmt: skip
+    made = planar_hexagons(bricks, closeness=closeness, crossing=crossing)
+    return replace(made, sampling=sampling)
+
+
+def chosen_bricks(
+    surface: FreeformSurface,
+    family: Family,
+    size: float,
+    *,
+    rows: str = "auto",
+    seed: ArrayLike | None = None,
+    shift: float | None = None,
+    limit: float = 0.75,
+    longest: float = 3.0,
+    least_angle: float = 20.0,
+    start: str = "tangent",
+) -> tuple[Bricks, Sampling]:
+    """Return the layout that ``conjugate_hexagons`` begins with, and how it was sampled.
+
+    Parameters and errors are those of ``conjugate_hexagons``.
+    """
     swaps = {"family": (False,), "conjugate": (True,), "auto": (False, True)}
     if rows not in swaps:
         raise LatticeError(f'rows = "{rows}": "family", "conjugate" or "auto"')
@@ -210,8 +235,7 @@ def conjugate_hexagons(
     bricks = brick_layout(
         sampling.base, sampling.rows, sampling.columns, sampling.shift, start=start
     )
-    made = planar_hexagons(bricks, closeness=closeness, crossing=crossing)
-    return replace(made, sampling=sampling)
+    return bricks, sampling
 
 
 def planar_hexagons(
@@ -224,7 +248,7 @@ def planar_hexagons(
     if crossing not in ("raise", "drop", "keep"):
         raise LatticeError(f'crossing = "{crossing}": "raise", "drop" or "keep"')
     surface = bricks.net.surface
-    near = OnSurface(surface) if closeness > 0 else None
+    near = FreeformReference(surface) if closeness > 0 else None
     mesh, faces = bricks.mesh, np.arange(bricks.mesh.n_faces)
     for _ in range(ROUNDS):
         made = planarise(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +9,6 @@ from phexfab.errors import LatticeError, SolveError
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.dupin.duality import dupin_centre
 from phexfab.remesh.triangulations.valid import Triangulation
-from phexfab.surface.freeform.surface import FreeformSurface
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -171,18 +168,6 @@ def tangent_hexagons(triangulation: Triangulation) -> tuple[PolyMesh, IntArray]:
     Thesis §5.1.1.
     """
     return dual_polygons(triangulation, tangent_points(triangulation))
-
-
-@dataclass(frozen=True, eq=False)
-class OnSurface:
-    """A free-form surface as a reference of ``planarise``."""
-
-    surface: FreeformSurface
-
-    def nearest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the nearest points (n, 3), mm, and the unit normals there."""
-        u = self.surface.nearest(points)
-        return self.surface.point(u), self.surface.normal(u)
 
 
 def crossing_message(triangulation: Triangulation, points: IntArray, crossing: IntArray) -> str:

@@ -12,11 +12,11 @@ from phexfab.mesh.measures import simple_faces
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.dupin.hexagons import (
     PARABOLIC,
-    OnSurface,
     crossing_message,
     dual_polygons,
     dupin_centres,
 )
+from phexfab.remesh.planarity.nearest import FreeformReference
 from phexfab.remesh.planarity.planarise import Planarised, planarise
 from phexfab.remesh.triangulations.valid import Triangulation
 
@@ -95,7 +95,7 @@ def dupin_hexagons(
     surface = triangulation.surface
     centres = dupin_centres(triangulation, parabolic=parabolic, rule=rule)
     start, points = dual_polygons(triangulation, centres)
-    near = OnSurface(surface) if closeness > 0 else None
+    near = FreeformReference(surface) if closeness > 0 else None
     dropped = np.zeros(0, np.int64)
     for _ in range(ROUNDS):
         made = planarise(

@@ -105,7 +105,9 @@ class Hold:
     @property
     def pulled(self) -> bool:
         """Whether anything but the start pulls at vertices."""
-        return self.reference is not None or self.border is not None
+        return self.reference is not None or (
+            self.border is not None and len(self.border.vertices) > 0
+        )
 
     def around(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return G (V, 3, 3) and the cheapest places a (V, 3), mm, seen from x."""

@@ -1,9 +1,9 @@
-"""Nearest points on what a mesh is to stay close to: a smooth surface, or another mesh."""
+"""Nearest points on what a mesh is to stay close to: minimal or free-form, or another mesh."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from phexfab.errors import MeshError
 from phexfab.mesh.measures import area_vectors
 from phexfab.mesh.polymesh import PolyMesh
+from phexfab.surface.freeform.surface import FreeformSurface
 from phexfab.surface.weierstrass import MinimalSurface
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +31,9 @@ class Reference(Protocol):
         ...
 
 
-def as_reference(surface: Reference | PolyMesh | MinimalSurface) -> Reference:
+def as_reference(
+    surface: Reference | PolyMesh | MinimalSurface | FreeformSurface,
+) -> Reference:
     """Return a surface or mesh as something with nearest points.
 
     Raises
@@ -42,6 +45,9 @@ def as_reference(surface: Reference | PolyMesh | MinimalSurface) -> Reference:
         return MeshReference(surface)
     if isinstance(surface, MinimalSurface):
         return SurfaceReference(surface)
+    # A free-form surface, too, has ``nearest``; but it gives parameters.
+    if all(hasattr(surface, name) for name in ("nearest", "point", "normal", "bending")):
+        return FreeformReference(cast(FreeformSurface, surface))
     if isinstance(surface, Reference):
         return surface
     raise MeshError(
@@ -65,6 +71,18 @@ class SurfaceReference:
         guess = self._z[self._tree.query(points)[1]]
         z = self._surface.closest_parameter(points, guess)
         return self._surface.point(z), self._surface.normal(z)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeformReference:
+    """A free-form surface: parametric, NURBS, implicit or through a mesh."""
+
+    surface: FreeformSurface
+
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return feet (n, 3), mm, and normals."""
+        u = self.surface.nearest(points)
+        return self.surface.point(u), self.surface.normal(u)
 
 
 @dataclass(frozen=True, eq=False)

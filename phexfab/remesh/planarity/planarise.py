@@ -16,6 +16,7 @@ from phexfab.remesh.planarity.nearest import Reference, as_reference
 from phexfab.remesh.planarity.rows import PlanarRows
 from phexfab.remesh.planarity.steps import Edges, Steps, Walk
 from phexfab.remesh.planarity.swift import swift_walk
+from phexfab.surface.freeform.surface import FreeformSurface
 from phexfab.surface.weierstrass import MinimalSurface
 
 FloatArray = NDArray[np.float64]
@@ -101,7 +102,7 @@ def planarise(
     *,
     fixed: ArrayLike | None = None,
     keep_border: bool | str = True,
-    reference: Reference | PolyMesh | MinimalSurface | None = None,
+    reference: Reference | PolyMesh | MinimalSurface | FreeformSurface | None = None,
     closeness: float = CLOSENESS,
     shortest: float = 0.9,
     tolerance: float = 1e-13,
@@ -125,7 +126,7 @@ def planarise(
         otherwise; the report says how far. Where corner follows corner, as whole hexagons leave a
         border, there is no curve and vertices are free. ``"fixed"``: border vertices do not move.
         False: they move like all others.
-    reference : PolyMesh, MinimalSurface or Reference, optional
+    reference : PolyMesh, MinimalSurface, FreeformSurface or Reference, optional
         A surface to stay close to.
     closeness : float
         What a square distance from the reference costs, over a square motion along it.

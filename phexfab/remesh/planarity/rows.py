@@ -57,6 +57,9 @@ class PlanarRows:
         self._columns = np.concatenate(columns) if columns else np.zeros(0, np.int64)
         ends = np.cumsum(np.concatenate(lengths)) if lengths else np.zeros(0, np.int64)
         self._starts = np.concatenate([[0], ends])
+        if self._starts[-1] < 2**31 and 3 * len(mesh.vertices) < 2**31:  # what scipy is fast with
+            self._columns = self._columns.astype(np.int32)
+            self._starts = self._starts.astype(np.int32)
         self.face_of_row = np.concatenate(owners) if owners else np.zeros(0, np.int64)
         self._width = 3 * len(mesh.vertices)
 
@@ -64,17 +67,16 @@ class PlanarRows:
         return len(self.face_of_row)
 
     def heights(self, x: FloatArray, like: Linearised | None = None) -> list[FloatArray]:
-        """Return per group the (f, n) heights of corners over their least-squares planes."""
-        signs: list[FloatArray | None] = [None] * len(self.groups)
+        """Return per group the (f, n) heights of corners over their least-squares planes.
+
+        Seen from the normals of a place nearby they have its signs, and are good to the square of
+        how far planes have turned since, over their size.
+        """
+        starts: list[FloatArray | None] = [None] * len(self.groups)
         if like is not None:
-            signs = list(like.normals)
-        out = []
-        for group, old in zip(self.groups, signs, strict=True):
-            _, height, normal = _fit(x[group.vertices])
-            if old is not None:
-                height = height * np.sign(np.einsum("fi,fi->f", old, normal))[:, None]
-            out.append(height)
-        return out
+            starts = list(like.normals)
+        pairs = zip(self.groups, starts, strict=True)
+        return [_fit(x[group.vertices], normal)[1] for group, normal in pairs]
 
     def linearise(self, x: FloatArray) -> tuple[Linearised, sp.csr_array, FloatArray]:
         """Return bases and normals, the Jacobian (rows, 3V) and the residual (rows,), mm."""
@@ -134,15 +136,29 @@ def _joined(parts: list[FloatArray]) -> FloatArray:
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _fit(
+    points: FloatArray, seen: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return corner places in (f, n, 2), and heights (f, n) over, the planes of (f, 3) normals.
 
     Least squares: linear fits in a frame that starts at the area vector and follows the plane,
-    which is good to the height's cube; faces of hardly any area start at the scatter's axes.
+    which is good to the height's cube; faces of hardly any area start at the scatter's axes. One
+    fit from normals ``seen`` from nearby, where they are given.
     """
     # Coordinates first and faces last: long runs of numbers for every operation.
     x = np.ascontiguousarray((points - points[:, :1]).transpose(2, 1, 0))
     x -= x.mean(axis=1, keepdims=True)
+    if seen is not None:
+        flat, height, normal = _linear_fit(x, seen.T, x[:, 1] - x[:, 0])
+        return flat.transpose(2, 1, 0), height.T, normal.T
+    normal, along = _first_frame(x)
+    for _ in range(2):
+        flat, height, normal = _linear_fit(x, normal, along)
+    return flat.transpose(2, 1, 0), height.T, normal.T
+
+
+def _first_frame(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return normals (3, f) of corners (3, n, f) about their mean, and directions across them."""
     after = np.roll(x, -1, axis=1)
     normal = np.stack(
         [(x[i] * after[j] - x[j] * after[i]).sum(axis=0) for i, j in ((1, 2), (2, 0), (0, 1))]
@@ -154,9 +170,7 @@ def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     if len(thin):
         axes = np.linalg.eigh(np.einsum("inf,jnf->fij", x[:, :, thin], x[:, :, thin]))[1]
         normal[:, thin], along[:, thin] = axes[:, :, 0].T, axes[:, :, 2].T
-    for _ in range(2):
-        flat, height, normal = _linear_fit(x, normal, along)
-    return flat.transpose(2, 1, 0), height.T, normal.T
+    return normal, along
 
 
 def _linear_fit(

@@ -1,9 +1,13 @@
-"""Planar faces in few factorisations, where the way is straight; others take the long one.
+"""Planar faces in few factorisations; ways that edges or heights do not allow take the long one.
 
 The nearest planar mesh is where the motion back to the start, x₀ − x, is GAᵀλ: pushes across faces
 alone. Newton's method on both, planarity and that, keeps λ from step to step, so that a step only
 corrects it: damping then slows the correction, and does not draw the mesh back off planar. Two
 steps bring the motion within 1 % of the least; the rest only flattens faces, by the last factor.
+
+Where the first step leaves much of the heights, planes turn on the way, and the way is bent: A's
+change with x, which these steps leave out of the equation for λ, would throw the second step past
+the least motion. Half of it is taken then, with more damping, and the rest only flattens.
 
 References
 ----------
@@ -30,12 +34,19 @@ from phexfab.remesh.planarity.steps import Edges, Walk
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_FIRST, _FALL, _LEAST = 1e-4, 0.1, 1e-12  # damping over the mean diagonal: at first, by step, last
+_SHIFTS = (1e-3, 1e-5, 1e-6, 1e-7, 1e-8)  # damping over the mean diagonal, from factor to factor
+_BENT_SHIFTS = (1e-3, 1e-4, 1e-5, 1e-7)  # the same on a bent way
+_LEAST = 1e-9  # damping of all later ones
 _SURE = 2e-6  # damping above which a solution needs no refinement: later steps correct it
-_NEAR = 0.3  # of the heights: what a step may leave, or the way is not straight
-_CHORD = 0.3  # a kept factor is good while a step leaves at most this share
+_BENT = 0.05  # of the heights: what the first step leaves where the way is straight
+_HALF = 0.5  # of the correction of λ: taken on a bent way
+_NEAR, _BENT_NEAR = 0.3, 0.6  # of the heights: what later steps may leave
+_MORE = 1.5  # the same for the second step of a bent way, which is damped less than the first
+_MIXED = 3  # steps by a kept factor that the next one learns from
+_CHORD = 0.5  # a kept factor is good while a step leaves at most this share
 _SHRUNK = 0.5  # of its bound: how short an edge may be on the way
 _SETTLED = 0.3  # of the motion: the last step along planar meshes; then less than 1 % of cost
+_STRAY = 0.5  # of the motion: what may be along planar meshes at the end of a bent way
 _PULLED = 0.02  # the same where a surface or curve pulls, which moves vertices less than it counts
 
 
@@ -51,56 +62,107 @@ class _System:
         return self.factor.solve(right, self.refinements)
 
 
+class _Mixed:
+    """Anderson's mixing of the last places and residuals of steps by one factor."""
+
+    def __init__(self, x: FloatArray) -> None:
+        self._places, self._residuals = [x], list[FloatArray]()
+
+    def went(self, x: FloatArray) -> None:
+        """Note the place that the last step went to."""
+        self._places = [*self._places, x][-_MIXED - 1 :]
+
+    def of(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least residual that mixing gives, (rows,), and the place for it, (V, 3)."""
+        self._residuals = [*self._residuals, residual][-_MIXED - 1 :]
+        x = self._places[-1]
+        if len(self._residuals) == 1:
+            return residual, x
+        change = np.column_stack([residual - r for r in self._residuals[:-1]])
+        share = np.linalg.lstsq(change.T @ change, change.T @ residual, rcond=None)[0]
+        for part, place in zip(share, self._places[:-1], strict=True):
+            x = x - part * (self._places[-1] - place)
+        return residual - change @ share, x
+
+
 def swift_walk(rows: PlanarRows, hold: Hold, edges: Edges, goal: float, most: int) -> Walk:
-    """Return the end of the walk; ``crooked`` where it did not go straight on, or edges shrank."""
+    """Return the end of the walk; ``crooked`` where it did not get through, or edges shrank."""
     x, steps, factored = hold.start.copy(), 0, 0
     heights = rows.heights(x)
     merit, (best, face) = rows.size(heights), rows.worst(heights)
     pushes: list[FloatArray] | None = None
     system: _System | None = None
     enough = _PULLED if hold.pulled else _SETTLED
-    settled = crooked = False
+    settled = bent = crooked = False
     while best > goal and steps < most and not crooked:
         at, planar, residual = rows.linearise(x)
         inverse, anchor = hold.around(x)
-        shift = max(_FIRST * _FALL**factored, _LEAST)
+        shifts = _BENT_SHIFTS if bent else _SHIFTS
+        shift = shifts[factored] if factored < len(shifts) else _LEAST
         try:
-            system = _factorised(at, planar, inverse, shift, system)
-            weights = np.zeros(len(rows)) if pushes is None else rows.weights(at, pushes)
-            pull = (anchor - x).ravel() - system.moved @ weights
-            if settled:
-                pull = np.zeros_like(pull)
+            system = _factorised(at, planar, inverse, shift, system, settled)
+            pull, weights = np.zeros(x.size), np.zeros(len(rows))
+            if not settled:
+                if pushes is not None:
+                    weights = rows.weights(at, pushes)
+                pull = (anchor - x).ravel() - system.moved @ weights
+                pull *= _HALF if bent else 1.0
             along = system.rows @ pull
             more = system.solve(residual + along)
             step = (pull - system.moved @ more).reshape(-1, 3)
-            aside = pull - system.moved @ system.solve(along) if pull.any() else pull
+            aside = pull
+            if factored and not (settled or bent):
+                aside = pull - system.moved @ system.solve(along)
         except SolveError:
             return Walk(x, steps, factored, best, face, crooked=True)
-        first, factored, steps = not factored, factored + 1, steps + 1
+        factored, steps = factored + 1, steps + 1
         x = x + step
-        pushes = rows.pushes(at, weights + more)
+        if not settled:
+            pushes = rows.pushes(at, weights + more)
         heights = rows.heights(x, at)
         size = rows.size(heights)
-        crooked = not size < (np.inf if first else _NEAR * merit)
+        # Where a surface or curve pulls, half a correction of λ is too far from the cheapest.
+        if factored <= 2 and not hold.pulled:
+            bent |= not size < (_BENT if factored == 1 else _NEAR) * merit
+        if factored == 1:
+            crooked = not np.isfinite(size)
+        else:
+            keep = (_BENT_NEAR if settled else _MORE) if bent else _NEAR
+            crooked = not size < keep * merit
+            far = float(np.linalg.norm(x - hold.start))
+            settled |= bent or bool(np.linalg.norm(aside) < enough * far)
         merit, (best, face) = size, rows.worst(heights)
-        far = float(np.linalg.norm(x - hold.start))
-        settled |= not first and bool(np.linalg.norm(aside) < enough * far)
+        mixed = _Mixed(x)
         while settled and not crooked and best > goal and steps < most:
-            back = system.solve(rows.residual(at, heights))
-            ahead = x - (system.moved @ back).reshape(-1, 3)
+            back, origin = mixed.of(rows.residual(at, heights))
+            ahead = origin - (system.moved @ system.factor.solve(back, 0)).reshape(-1, 3)
             trial = rows.heights(ahead, at)
             size = rows.size(trial)
             if not size < _CHORD * merit:
                 break
             x, heights, merit, steps = ahead, trial, size, steps + 1
+            mixed.went(ahead)
             best, face = rows.worst(heights)
         least = edges.least if best <= goal else _SHRUNK * edges.least
         crooked |= bool((edges.directions(x)[1] < least).any())
+    if bent and system is not None and not crooked:
+        crooked = _stray(system, (hold.around(x)[1] - x).ravel())
     return Walk(x, steps, factored, best, face, crooked or best > goal)
 
 
+def _stray(system: _System, pull: FloatArray) -> bool:
+    """Return whether a good part of the motion back, (3V,), is along planar meshes."""
+    aside = pull - system.moved @ system.factor.solve(system.rows @ pull, 0)
+    return not np.linalg.norm(aside) < _STRAY * np.linalg.norm(pull)
+
+
 def _factorised(
-    at: Linearised, planar: Any, inverse: FloatArray, shift: float, last: _System | None
+    at: Linearised,
+    planar: Any,
+    inverse: FloatArray,
+    shift: float,
+    last: _System | None,
+    rough: bool,
 ) -> _System:
     n = len(inverse)
     if (inverse == np.eye(3)).all():
@@ -116,4 +178,4 @@ def _factorised(
         order = last.factor.order
     sure = shift > _SURE
     factor = factorise(matrix, order, single=sure)
-    return _System(at, planar, moved, factor, 0 if sure else 4)
+    return _System(at, planar, moved, factor, 0 if sure or rough else 4)

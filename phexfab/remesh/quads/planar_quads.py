@@ -19,9 +19,8 @@ from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.classify import circularity, conicality
 from phexfab.remesh.conjugate.fields import Family, principal_family
 from phexfab.remesh.conjugate.net import base_curves, conjugate_net, even
-from phexfab.remesh.dupin.hexagons import OnSurface
 from phexfab.remesh.planarity.hold import BorderCurve, Hold
-from phexfab.remesh.planarity.nearest import Reference, as_reference
+from phexfab.remesh.planarity.nearest import FreeformReference, Reference, as_reference
 from phexfab.remesh.quads.rows import QuadRows
 from phexfab.remesh.quads.subdivide import subdivided
 from phexfab.surface.freeform.surface import FreeformSurface
@@ -179,7 +178,7 @@ def refined_quads(
     """
     if levels < 0:
         raise MeshError(f"levels = {levels}; 0 or more")
-    near = None if surface is None else OnSurface(surface)
+    near = None if surface is None else FreeformReference(surface)
     made = exact_quads(mesh, kind, reference=near, closeness=closeness)
     before, steps = made.levels, made.steps
     for _ in range(levels):

@@ -14,9 +14,9 @@ Quantity = Callable[[ComplexArray], ComplexArray]
 FEWEST, MOST = 128, 4096  # samples of a circle
 RESOLVED = 2e-15  # size of the last coefficients, relative to the largest
 AROUND = 64  # samples of a circle about a removable place
-RADII = 0.05 * 0.5 ** np.arange(10)  # of such circles, in radii of the domain
+RADII = 0.25 * 0.6 ** np.arange(16)  # of such circles, in radii of the domain
 SMOOTH = 1e-12  # size of the last coefficients there
-POLE, OFF = 6, 1e-6  # powers of a pole that may be left there, and their size
+POLE, OFF = 8, 1e-4  # powers of a pole that may be left there, and their size
 BLOCK = 32  # powers kept at once
 CHUNK = 8192  # places evaluated at once
 
