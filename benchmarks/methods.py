@@ -18,6 +18,8 @@ from phexfab.errors import PhexError
 from phexfab.mesh.measures import mean_edge, relative_planarity, shortest_edge, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.conjugate.fields import Family, level_family, principal_family
+from phexfab.remesh.conjugate.hexagons import conjugate_hexagons
+from phexfab.remesh.conjugate.sectors import conjugate_sectors
 from phexfab.remesh.coverage import coverage
 from phexfab.remesh.dupin.hexagons import tangent_hexagons
 from phexfab.remesh.dupin.planar import dupin_hexagons
@@ -162,7 +164,8 @@ def power(case: Case) -> PolyMesh:
 
 def parallel(case: Case) -> PolyMesh:
     """The parallel mesh nearest to the surface, of the hexagons along conjugate curves."""
-    return parallel_mesh_on(conjugate(case), case.surface, drop=True, mesh=case.mesh).shell.mesh
+    one = conjugate_hexagons(case.surface, case.family, case.size, crossing="drop").mesh
+    return parallel_mesh_on(one, case.surface, drop=True, mesh=case.mesh).shell.mesh
 
 
 METHODS: dict[str, Callable[[Case], PolyMesh]] = {

@@ -1,7 +1,7 @@
 """Noisy hexagon meshes made planar: seconds, planarity, motion, shortest edge, beside the peers.
 
 Seconds are those of the processor, so that other work on the machine counts less; with one thread
-they are those of the clock on an idle one.
+they are those of the clock on an idle one. Of runs below a second it is the least of three.
 
 Run: OMP_NUM_THREADS=1 python benchmarks/planarise.py [--faces 400 2500] [--noise 0.01] [--slow]
 
@@ -191,6 +191,18 @@ def solvers(faces: int, slow: bool) -> dict[str, Solver]:
     return runs
 
 
+def timed(run: Solver, mesh: PolyMesh) -> tuple[FloatArray, float]:
+    """Return vertices and seconds of the processor: of a short run the least of three."""
+    least = np.inf
+    for _ in range(3):
+        begin = time.process_time()
+        x = run(mesh)
+        least = min(least, time.process_time() - begin)
+        if least > 1.0:
+            break
+    return x, least
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--faces", type=int, nargs="+", default=[400, 2500, 10_000])
@@ -217,13 +229,11 @@ def main() -> None:
                     f"{relative_planarity(mesh).max():.1e}"
                 )
                 for label, run in solvers(faces, asked.slow).items():
-                    begin = time.process_time()
                     try:
-                        x = run(mesh)
+                        x, seconds = timed(run, mesh)
                     except (SolveError, RuntimeError) as error:
                         print(f"  {label:20}  failed: {error}", file=sys.stderr)
                         continue
-                    seconds = time.process_time() - begin
                     made = replace(mesh, vertices=x)
                     moved = np.linalg.norm(x - mesh.vertices, axis=1) / size
                     after = edge_lengths(made)

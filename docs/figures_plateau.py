@@ -31,12 +31,14 @@ def lobed(lobes: int, height: float) -> Rim:
 
 def draw(axes: plt.Axes, wide: ExtendedFilm, title: str) -> None:
     """The film, its rim, and the margin beyond it."""
-    rings = np.linspace(0, 1, 41)[:, None] * np.exp(2j * np.pi * np.arange(641) / 640)
+    border = wide.domain.borders(640)[0]
+    arms = np.append(border, border[0]) - wide.domain.centre
+    rings = wide.domain.centre + np.linspace(0, 1, 41)[:, None] * arms
     x, y, z = np.moveaxis(wide.surface.point(rings), -1, 0)
     axes.plot_surface(x, y, z, rstride=2, cstride=16, color="#f6efe2", edgecolor=SOFT, lw=0.25)
     rim = np.vstack([wide.film.points, wide.film.points[:1]])
     axes.plot(*rim.T, color=ACCENT, lw=1.6, zorder=5)
-    axes.set_box_aspect([np.ptp(v) for v in (x, y, z)], zoom=1.25)
+    axes.set_box_aspect([np.ptp(v) for v in (x, y, z)], zoom=1.12)
     axes.view_init(48, -62)
     axes.set_axis_off()
     axes.set_title(title, fontsize=9, y=0.96)

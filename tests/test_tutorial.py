@@ -55,7 +55,7 @@ def test_the_roof_can_be_built_and_is_checked_as_printed(folder):
 @pytest.mark.parametrize(
     "old, new, code, block",
     [
-        ('"50 cm"', f'"{LARGE}"', 1, COARSE),
+        ('"49 cm"', f'"{LARGE}"', 1, COARSE),
         ('"60 mm"', '"1.2 m"', 2, DEEP),
         ('"12 mm"', '"12 kg"', 2, HEAVY),
     ],

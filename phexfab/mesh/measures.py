@@ -219,7 +219,17 @@ def simple_faces(mesh: PolyMesh) -> BoolArray:
     Edges that cross, touch, fold back on their neighbour or have no length make a face not
     simple; so does what rounding cannot tell from touching. Either orientation is simple.
     """
-    flat, _ = _in_plane(mesh)
+    return _simple(mesh, _in_plane(mesh)[0])
+
+
+def planarity_and_simple(mesh: PolyMesh) -> tuple[FloatArray, BoolArray]:
+    """Return what ``planarity`` and ``simple_faces`` do, in less time than both."""
+    flat, off = _in_plane(mesh)
+    return np.maximum.reduceat(np.abs(off), mesh.starts[:-1]), _simple(mesh, flat)
+
+
+def _simple(mesh: PolyMesh, flat: FloatArray) -> BoolArray:
+    """Return (F,) True where a face with corners (C, 2) in its plane is a simple polygon."""
     reach = np.maximum.reduceat(np.abs(flat).max(axis=1), mesh.starts[:-1])
     flat = flat / np.where(reach > 0, reach, 1.0)[mesh.face_of_corner][:, None]
     simple = np.ones(mesh.n_faces, bool)

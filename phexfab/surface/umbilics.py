@@ -310,8 +310,8 @@ def _search(
                 )
         if len(rest) > MOST_SQUARES:
             raise SurfaceError(
-                f"{name}: the Hopf differential is noise around z = {show(rest[0])}: the surface is "
-                "not analytic there, or not known well enough; choose a smaller domain, or a "
+                f"{name}: the Hopf differential is noise around z = {show(rest[0])}: the surface "
+                "is not analytic there, or not known well enough; choose a smaller domain, or a "
                 "smoother rim"
             )
         half /= 2

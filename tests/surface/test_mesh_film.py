@@ -12,7 +12,7 @@ from phexfab.surface.classical import enneper
 from phexfab.surface.mesh_films.area import area_gradient, area_hessian, total_area
 from phexfab.surface.mesh_films.film_area import heights_over
 from phexfab.surface.mesh_films.limit import film_limit
-from phexfab.surface.mesh_films.mesh_film import border_rims, film_of_mesh, mesh_film
+from phexfab.surface.mesh_films.mesh_film import border_rims, film_of_mesh, mesh_film, moved_film
 from phexfab.surface.mesh_films.mirror import Mirror
 from phexfab.surface.mesh_films.triangulated import border_loops, flip_to_delaunay
 from phexfab.surface.rims.rim import Rim
@@ -342,3 +342,24 @@ def test_borders_are_loops():
     assert [loop.tolist() for loop in border_loops(triangles)] == [[0, 1, 2, 3]]
     with pytest.raises(MeshError, match="touches itself at vertex 0"):
         border_loops(np.array([[0, 1, 2], [0, 3, 4]]))
+
+
+def test_a_film_whose_rim_moves_a_little_is_that_of_the_moved_rim():
+    t = 2 * np.pi * np.arange(32) / 32
+    ring = 1000 * np.stack([np.cos(t), np.sin(t), 0 * t], -1)
+    low = Rim.through(ring, name="low")
+
+    def high(rise):
+        up = 600 + rise * np.cos(2 * t)
+        return Rim.through(np.column_stack([ring[:, :2], up])[::-1], name="high")
+
+    film = mesh_film((low, high(0.0)), 160.0)
+    rims = low, high(25.0)
+    points = film.points.copy()
+    for k, rim in enumerate(rims):
+        on = film.rim_of == k
+        points[on] = rim.point(film.parameter[on])
+    moved, anew = moved_film(film, points, rims), mesh_film(rims, 160.0)
+    assert np.array_equal(moved.triangles, film.triangles)
+    assert moved.area == pytest.approx(anew.area, rel=1e-5)
+    assert np.abs(heights_over(anew.atlas, moved.points)[0]).max() < 0.2

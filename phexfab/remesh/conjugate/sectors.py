@@ -34,6 +34,7 @@ NETS = 6
 BARE = 1.5  # of a brick: how far from faces a place must be for a net to begin there
 FEW = 4  # faces, below which a net is not worth while
 _SEEDS = 4000
+_EDGE = 100  # samples a side of the domain
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +86,25 @@ def conjugate_sectors(
     """
     if nets < 1:
         raise LatticeError(f"{surface.name}: nets = {nets}; at least one is needed")
-    asked = {"closeness": closeness, "crossing": crossing}
+    asked: dict[str, Any] = {"closeness": closeness, "crossing": crossing}
     bricks, sampling = chosen_bricks(surface, family, size, **options)
     made = [replace(planar_hexagons(bricks, **asked), sampling=sampling)]
     options.pop("seed", None)
     seeds = surface.seeds(_SEEDS)
     places = surface.point(seeds)
+    inward = _inward(surface, places)
     bare = np.ones(len(seeds), bool)
     refused: list[str] = []
     while len(made) < nets and len(made) + len(refused) < 2 * nets:
         mesh = _united([net.mesh for net in made])
         away = cKDTree(mesh.vertices).query(places)[0]
-        away[~bare | under(mesh, places)] = 0.0
-        at = int(away.argmax())
-        if away[at] < BARE * size:
+        bare &= (away >= BARE * size) & ~under(mesh, places)
+        if not bare.any():
             break
+        away = np.where(bare, np.minimum(away, inward), 0.0)
+        at = int(away.argmax())
         # Whether a net fits here or not, none begins beside this place again.
-        bare &= np.linalg.norm(places - places[at], axis=1) > 0.8 * away[at]
+        bare &= np.linalg.norm(places - places[at], axis=1) > max(0.8 * away[at], size)
         try:
             bricks, sampling = chosen_bricks(surface, family, size, seed=seeds[at], **options)
             apart = _apart(bricks, mesh)
@@ -118,6 +121,22 @@ def conjugate_sectors(
     )
 
 
+def _inward(surface: FreeformSurface, places: FloatArray) -> FloatArray:
+    """Return how far places (n, 3) are from the border of the domain, mm; inf without one."""
+    if surface.domain is None or all(surface.periodic):
+        return np.full(len(places), np.inf)
+    u0, u1, v0, v1 = surface.domain
+    share = np.linspace(0.0, 1.0, _EDGE)
+    u, v = u0 + (u1 - u0) * share, v0 + (v1 - v0) * share
+    ends = []
+    if not surface.periodic[0]:
+        ends += [np.column_stack([np.full(_EDGE, end), v]) for end in (u0, u1)]
+    if not surface.periodic[1]:
+        ends += [np.column_stack([u, np.full(_EDGE, end)]) for end in (v0, v1)]
+    border = surface.point(np.concatenate(ends))
+    return np.asarray(cKDTree(border).query(places)[0])
+
+
 def _apart(bricks: Bricks, mesh: PolyMesh) -> Bricks | None:
     """Return the largest piece of the bricks that keep off a mesh, by half their longest edge."""
     rings = bricks.mesh.corners.reshape(-1, 6)
@@ -125,11 +144,14 @@ def _apart(bricks: Bricks, mesh: PolyMesh) -> Bricks | None:
     side = np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
     middle = (corner + np.roll(corner, -1, axis=1)) / 2
     probes = np.concatenate([corner, middle, corner.mean(axis=1, keepdims=True)], axis=1)
-    flat = probes.reshape(-1, 3)
+    # A vertex of a brick alone in its row or column may have no place.
+    placed = np.isfinite(probes).all(axis=(1, 2))
+    flat = np.where(placed[:, None, None], probes, 0.0).reshape(-1, 3)
     ends = mesh.vertices[mesh.corners]
     marks = np.concatenate([mesh.vertices, (ends + ends[mesh.next_corner]) / 2])
     away = cKDTree(marks).query(flat)[0].reshape(len(rings), -1).min(axis=1)
-    free = (away > side.max(axis=1) / 2) & ~under(mesh, flat).reshape(len(rings), -1).any(axis=1)
+    free = placed & (away > side.max(axis=1) / 2)
+    free &= ~under(mesh, flat).reshape(len(rings), -1).any(axis=1)
     if free.sum() < FEW:
         return None
     made, _, kept = joined(bricks.net.surface, bricks.mesh.vertices, rings[free])

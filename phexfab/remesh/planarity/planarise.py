@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from phexfab.errors import MeshError, SolveError
 from phexfab.mesh.half_edges import border_loops
-from phexfab.mesh.measures import edges, mean_edge, planarity, simple_faces
+from phexfab.mesh.measures import edges, mean_edge, planarity_and_simple, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.planarity.hold import BorderCurve, Hold
 from phexfab.remesh.planarity.nearest import Reference, as_reference
@@ -168,14 +168,16 @@ def planarise(
     near = None if reference is None else as_reference(reference)
     hold = Hold(start, still, curve, near, closeness)
 
-    walk = _walk(rows, hold, pairs, length, shortest, goal, most_steps)
+    first = rows.heights(start)
+    walk = _walk(rows, first, hold, pairs, length, shortest, goal, most_steps)
     x = np.where(still[:, None], start, walk.x)
     made = replace(mesh, vertices=x)
-    off = planarity(made) / size
-    before = rows.worst(rows.heights(start))[0] / size
+    off, simple = planarity_and_simple(made)
+    off = off / size
+    before = rows.worst(first)[0] / size
     new = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     report = _report(
-        mesh, made, walk, walk.height <= goal, before, off, (length, new), shortest, hold
+        mesh, made, walk, walk.height <= goal, before, off, simple, (length, new), shortest, hold
     )
     if strict:
         _refuse(made, report, walk, size)
@@ -184,6 +186,7 @@ def planarise(
 
 def _walk(
     rows: PlanarRows,
+    heights: list[FloatArray],
     hold: Hold,
     pairs: IntArray,
     length: FloatArray,
@@ -192,7 +195,7 @@ def _walk(
     most: int,
 ) -> Walk:
     """Walk with the whole guard; with half of it, then none, where that leads nowhere."""
-    swift = swift_walk(rows, hold, Edges(pairs, shortest * length), goal, most)
+    swift = swift_walk(rows, heights, hold, Edges(pairs, shortest * length), goal, most)
     if not swift.crooked:
         return swift
     shares = (shortest, shortest / 2, 0.0) if shortest > 0 else (0.0,)
@@ -263,6 +266,7 @@ def _report(
     converged: bool,
     before: float,
     off: FloatArray,
+    simple: BoolArray,
     lengths: tuple[FloatArray, FloatArray],
     shortest: float,
     hold: Hold,
@@ -271,7 +275,7 @@ def _report(
     moved = np.linalg.norm(x - mesh.vertices, axis=1)
     old, new = lengths
     share = np.divide(new, old, out=np.ones(len(old)), where=old > 0)
-    crossing = np.flatnonzero(~simple_faces(made))
+    crossing = np.flatnonzero(~simple)
     if len(crossing):  # those that were not simple at first do not count
         crossing = crossing[simple_faces(mesh)[crossing]]
     off_reference = 0.0

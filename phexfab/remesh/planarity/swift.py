@@ -43,6 +43,7 @@ _HALF = 0.5  # of the correction of λ: taken on a bent way
 _NEAR, _BENT_NEAR = 0.3, 0.6  # of the heights: what later steps may leave
 _MORE = 1.5  # the same for the second step of a bent way, which is damped less than the first
 _MIXED = 3  # steps by a kept factor that the next one learns from
+_SLOW = 0.05  # what a step by a kept factor leaves where it is worth while to learn
 _CHORD = 0.5  # a kept factor is good while a step leaves at most this share
 _SHRUNK = 0.5  # of its bound: how short an edge may be on the way
 _SETTLED = 0.3  # of the motion: the last step along planar meshes; then less than 1 % of cost
@@ -72,11 +73,14 @@ class _Mixed:
         """Note the place that the last step went to."""
         self._places = [*self._places, x][-_MIXED - 1 :]
 
-    def of(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the least residual that mixing gives, (rows,), and the place for it, (V, 3)."""
+    def of(self, residual: FloatArray, slow: bool) -> tuple[FloatArray, FloatArray]:
+        """Return the least residual that mixing gives, (rows,), and the place for it, (V, 3).
+
+        Where steps are not ``slow``, those of the last place.
+        """
         self._residuals = [*self._residuals, residual][-_MIXED - 1 :]
         x = self._places[-1]
-        if len(self._residuals) == 1:
+        if len(self._residuals) == 1 or not slow:
             return residual, x
         change = np.column_stack([residual - r for r in self._residuals[:-1]])
         share = np.linalg.lstsq(change.T @ change, change.T @ residual, rcond=None)[0]
@@ -85,10 +89,19 @@ class _Mixed:
         return residual - change @ share, x
 
 
-def swift_walk(rows: PlanarRows, hold: Hold, edges: Edges, goal: float, most: int) -> Walk:
-    """Return the end of the walk; ``crooked`` where it did not get through, or edges shrank."""
+def swift_walk(
+    rows: PlanarRows,
+    heights: list[FloatArray],
+    hold: Hold,
+    edges: Edges,
+    goal: float,
+    most: int,
+) -> Walk:
+    """Return the end of the walk; ``crooked`` where it did not get through, or edges shrank.
+
+    ``heights`` are those of the start.
+    """
     x, steps, factored = hold.start.copy(), 0, 0
-    heights = rows.heights(x)
     merit, (best, face) = rows.size(heights), rows.worst(heights)
     pushes: list[FloatArray] | None = None
     system: _System | None = None
@@ -132,14 +145,15 @@ def swift_walk(rows: PlanarRows, hold: Hold, edges: Edges, goal: float, most: in
             far = float(np.linalg.norm(x - hold.start))
             settled |= bent or bool(np.linalg.norm(aside) < enough * far)
         merit, (best, face) = size, rows.worst(heights)
-        mixed = _Mixed(x)
+        mixed, slow = _Mixed(x), bent
         while settled and not crooked and best > goal and steps < most:
-            back, origin = mixed.of(rows.residual(at, heights))
+            back, origin = mixed.of(rows.residual(at, heights), slow)
             ahead = origin - (system.moved @ system.factor.solve(back, 0)).reshape(-1, 3)
             trial = rows.heights(ahead, at)
             size = rows.size(trial)
             if not size < _CHORD * merit:
                 break
+            slow = bent or size > _SLOW * merit
             x, heights, merit, steps = ahead, trial, size, steps + 1
             mixed.went(ahead)
             best, face = rows.worst(heights)

@@ -71,7 +71,7 @@ def _mended(quantity: Quantity, domain: Disc, removable: ComplexArray) -> Quanti
     circle = np.exp(2j * np.pi * np.arange(AROUND) / AROUND)
     known: list[tuple[complex, float, ComplexArray, ComplexArray]] = []
     for place in removable:
-        if any(abs(place - c) < 0.2 * r for c, r, *_ in known):
+        if any(abs(place - c) < 0.3 * r for c, r, *_ in known):
             continue
         away = np.abs(removable - place)
         for radius in domain.radius * RADII:
@@ -92,7 +92,7 @@ def _mended(quantity: Quantity, domain: Disc, removable: ComplexArray) -> Quanti
         arms = [(points - place) / radius for place, radius, *_ in known]
         close = [np.abs(arm) < 0.5 for arm in arms]
         for arm, near, (*_, pole) in zip(arms, close, known, strict=True):
-            back = 1 / np.where(near, 1.0, arm)
+            back = np.asarray(1 / np.where(near, 1.0, arm), complex)
             value -= np.where(near, 0.0, back * _power_sum(pole, back))
         for k, (arm, near, (_, _, taylor, _)) in enumerate(zip(arms, close, known, strict=True)):
             if near.any():
