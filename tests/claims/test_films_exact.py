@@ -89,7 +89,13 @@ def test_two_hundred_random_rims():
     def one_rim(up, out, size, parts, kind, evenness):
         flat = [(n, c / 2, s / 2) for n, c, s in out]
         rim = waves([*up, (2, 0.08, 0.0)], flat, size=size)
-        asked = design(panel_size=size / parts, kind=kind, lattice={"evenness": evenness})
+        stock = {"length": 4 * size, "width": 4 * size}
+        asked = design(
+            panel_size=size / parts,
+            kind=kind,
+            lattice={"evenness": evenness},
+            sheets={"panels": stock, "beams": stock},
+        )
         try:
             made = form(asked, silent, (rim,))
         except PhexError as refusal:

@@ -31,8 +31,8 @@ FloatArray = NDArray[np.float64]
 Quantity = Callable[[ComplexArray], ComplexArray]
 
 STEEPEST = 0.9  # of |g|: the film's normals stay within 84 degrees of the mean
-FITS = ((48, 0.1), (48, 0.01), (96, 0.01))  # degree of g, and weight of its curvature
-SOLVED = 1e-3  # distance from the rim, in margins, at which no further fit is tried
+FITS = ((48, 0.1), (48, 0.03), (48, 0.01))  # degree of g, and weight of its curvature
+SOLVED = 4e-3  # distance from the rim, in margins, at which no further fit is tried
 RAYS = 1024  # directions in which the border is known
 DENSE = 8.0  # points of the rim per margin
 STAR = 1e-3  # of the rim's turning about the centre: more is no turning back
