@@ -1,4 +1,4 @@
-"""Make the pictures of gallery.md: python docs/figures_gallery.py [name ...]"""
+"""Make the pictures of gallery.md and films.md: python docs/figures_gallery.py [name ...]"""
 
 from __future__ import annotations
 
@@ -17,8 +17,13 @@ VIEWS = {
     "five-lobed-roof": View(azimuth=-70, elevation=36),
     "ring-court": View(azimuth=-65, elevation=34),
     "schwarz-p-cell": View(azimuth=-60, elevation=22),
+    "gyroid-cell": View(azimuth=-60, elevation=22),
     "garden-roof": View(azimuth=-62, elevation=26),
 }
+
+
+FILMS = [name for name in VIEWS if name != "garden-roof"]
+"""Those of films.md, where pictures are larger."""
 
 
 def gallery_figure(name: str) -> None:
@@ -28,6 +33,9 @@ def gallery_figure(name: str) -> None:
     target = ROOT / "img" / "gallery" / f"{name}.png"
     target.parent.mkdir(exist_ok=True)
     assembly_figure(parts, target, size=(900, 620), view=view, colours=96)
+    if name in FILMS:
+        large = ROOT / "img" / target.name
+        assembly_figure(parts, large, size=(1400, 860), view=view, colours=128)
 
 
 if __name__ == "__main__":
