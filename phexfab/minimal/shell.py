@@ -64,7 +64,9 @@ def _nearby_parameters(
     for a, b in ((tail, head), (head, tail)):
         np.maximum.at(reach, a, np.linalg.norm(here[a] - here[b], axis=1))
     found = _each(surface.parameter_of_normal, normals, z)
-    good = np.flatnonzero(np.isfinite(found))
+    # From an umbilic Newton may leap out of all bounds, where a point takes seconds to integrate.
+    away = np.abs(np.stack([found, z]) - z.mean())
+    good = np.flatnonzero(np.isfinite(found) & (away[0] <= 2 * away[1].max()))
 
     def distance(place: FloatArray, there: ComplexArray) -> FloatArray:
         return np.asarray(np.linalg.norm(surface.point(there) - place, axis=1), float)
