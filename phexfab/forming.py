@@ -46,6 +46,7 @@ FloatArray = NDArray[np.float64]
 Figures = Mapping[str, tuple[float | int | str, str]]
 Progress = Callable[[str, int, int], None]
 PLUMB = np.array([0.0, 0.0, 1.0])
+SPARE = 1.15  # factor on the depth of panels and bars in which no edge at the rim is to vanish
 TRIES = (
     (1.0, 1.0),
     (1.4, 1.0),
@@ -227,25 +228,27 @@ def _ended(design: Design, film: Film, whole: Shell, index: int | None) -> Form:
 
 def _require_room(design: Design, shell: Shell) -> None:
     """Refuse a cut that leaves no room for panels or bars: another one may do better."""
-    depth = _depth(design, False)
+    below, above = _depth(design)
     low, high = admissible_interval(shell)
-    panel = design.panels
-    spec = PanelSpec(
-        panel.thickness, panel.gap, panel.side, panel.edges, Material(panel.material, panel.density)
-    )
-    gaps = largest_gaps(shell, spec)
+    gap, gaps = design.panels.gap, largest_gaps(shell, panel_spec(design))
     remedy = 'choose another lattice.panel_size, or border.panels = "whole"'
-    if -depth[0] / 1.15 < low or high < depth[1] / 1.15:
+    if -below < low or high < above:
         raise MeshError(
             f"the rim leaves edges that vanish {min(-low, high):.0f} mm off the shell, within the "
             f"depth of panels and bars; {remedy}, or lower bars"
         )
-    if gaps.min() <= panel.gap:
+    if gaps.min() <= gap:
         spot = shell.mesh.polygon(int(gaps.argmin())).mean(axis=0)
         raise MeshError(
             f"the rim leaves a panel at {place(spot)} that is too small for a gap of "
-            f"{panel.gap:g} mm; {remedy}, or a smaller panels.gap"
+            f"{gap:g} mm; {remedy}, or a smaller panels.gap"
         )
+
+
+def panel_spec(design: Design) -> PanelSpec:
+    """Return what panels are to be like."""
+    p = design.panels
+    return PanelSpec(p.thickness, p.gap, p.side, p.edges, Material(p.material, p.density))
 
 
 def _in_whole_panels(
@@ -261,13 +264,14 @@ def _in_whole_panels(
 
 def _cut(design: Design, film: Film, whole: Shell) -> tuple[Shell, float | None, Figures]:
     asked = design.border
+    below, above = (SPARE * depth for depth in _depth(design))
     made = cut_shell(
         whole,
         film.borders,
         sliver_share=asked.sliver,
         sliver_width=asked.sliver_width,
         shortest_edge=_shortest_edge(design),
-        depth=_depth(design, film.upright and faces_down(whole)),
+        depth=(above, below) if film.upright and faces_down(whole) else (below, above),
         sagitta=asked.sagitta,
         direction=PLUMB if asked.direction == "plumb" else None,
     )
@@ -278,7 +282,7 @@ def _cut(design: Design, film: Film, whole: Shell) -> tuple[Shell, float | None,
     )
 
 
-def _depth(design: Design, upside_down: bool) -> tuple[float, float]:
+def _depth(design: Design) -> tuple[float, float]:
     """How deep panels and bars reach below and above M, mm: no edge at the rim may vanish there."""
     panel, bars = design.panels, 0.0
     if design.beams.kind == "flat":
@@ -291,7 +295,7 @@ def _depth(design: Design, upside_down: bool) -> tuple[float, float]:
         below += bars
     if design.offset.distance is not None:
         below, above = max(below, -design.offset.distance), max(above, design.offset.distance)
-    return (1.15 * above, 1.15 * below) if upside_down else (1.15 * below, 1.15 * above)
+    return below, above
 
 
 def _shortest_edge(design: Design) -> float:

@@ -21,7 +21,7 @@ from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
 from phexfab.fabrication.parts import CheckResult, Material, Parts, Sheet, Stock
 from phexfab.films import rims_given
-from phexfab.forming import Form, form, panel_sizes
+from phexfab.forming import Form, form, panel_sizes, panel_spec
 from phexfab.minimal.shell import surface_distance
 from phexfab.parallel.offset import admissible_interval, offset
 from phexfab.parallel.shell import Shell
@@ -270,9 +270,9 @@ def stocks(design: Design) -> dict[str, Stock]:
 
 def specs(design: Design) -> tuple[PanelSpec, BeamSpec, NodeSpec]:
     """Return what panels, beams and nodes are to be like."""
-    p, b, n = design.panels, design.beams, design.nodes
+    b, n = design.beams, design.nodes
     return (
-        PanelSpec(p.thickness, p.gap, p.side, p.edges, Material(p.material, p.density)),
+        panel_spec(design),
         BeamSpec(
             b.width,
             b.height,
