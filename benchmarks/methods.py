@@ -289,13 +289,16 @@ def picture(
                 )
                 continue
             mesh = one.mesh
-            faces = [mesh.polygon(f) for f in range(mesh.n_faces)]
-            axes.add_collection3d(Poly3DCollection(faces, fc="#cfe3ee", ec="#23323b", lw=0.2))
             points = cases()[name]().surface
             points = points.point(points.seeds(2000))
             low, high = points.min(axis=0), points.max(axis=0)
+            # A face that is flung far out would hide the others.
+            far = np.abs(mesh.vertices - (low + high) / 2).max(axis=1)
+            seen = [f for f in range(mesh.n_faces) if far[mesh.face(f)].max() < max(high - low)]
+            faces = [mesh.polygon(f) for f in seen]
+            axes.add_collection3d(Poly3DCollection(faces, fc="#cfe3ee", ec="#23323b", lw=0.2))
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-            axes.set_box_aspect(np.maximum(high - low, 1.0), zoom=1.45)
+            axes.set_box_aspect(np.maximum(high - low, 1.0), zoom=1.2)
             axes.view_init(48, -60)
             axes.text2D(
                 0.5,

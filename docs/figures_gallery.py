@@ -13,6 +13,7 @@ ROOT = Path(__file__).parent
 EXAMPLES = {path.stem: path for path in sorted((ROOT.parent / "examples").glob("*.toml"))}
 VIEWS = {
     "four-corner-canopy": View(azimuth=-60, elevation=24),
+    "l-shaped-canopy": View(azimuth=-50, elevation=34),
     "three-lobed-roof": View(azimuth=-75, elevation=30),
     "five-lobed-roof": View(azimuth=-70, elevation=36),
     "ring-court": View(azimuth=-65, elevation=34),

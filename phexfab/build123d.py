@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from phexfab.cad.build123d import locations, to_build123d
 from phexfab.cad.doctor import require
-from phexfab.cad.tags import Tags, beams_below, face_tags
+from phexfab.cad.tags import Tags, beams_below, face_tags, plain_tag
 from phexfab.cad.tree import Part, families, parts_of
 from phexfab.errors import PartError
 from phexfab.fabrication.marks import node_marks
@@ -190,8 +190,8 @@ def _placed(leaf: b3d.Solid, location: b3d.Location) -> b3d.Solid:
 
 
 def _with_tag(shape: Shape, tags: Tags, tag: str) -> b3d.ShapeList[b3d.Face]:
-    own = zip(shape.faces(), tags, strict=True)
-    return b3d.ShapeList(face for face, names in own if tag in names)
+    own, wanted = zip(shape.faces(), tags, strict=True), plain_tag(tag)
+    return b3d.ShapeList(face for face, names in own if wanted in names)
 
 
 def _nodes_at(source: Build, part: Part) -> list[str]:

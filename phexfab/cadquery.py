@@ -24,6 +24,7 @@ from phexfab.cad.cadquery import (
     to_cadquery,
 )
 from phexfab.cad.doctor import require
+from phexfab.cad.tags import plain_tag
 from phexfab.cad.tree import parts_of
 from phexfab.errors import PhexError
 from phexfab.pipeline import Build
@@ -227,11 +228,14 @@ class Family(_Chosen):
 
 
 class Tag(_Chosen):
-    """Selects faces and edges by their tags: ``.faces(Tag("top") & Family("panels"))``.
+    """Selects faces and edges by their tags: ``.faces(Tag("mitre-1") & Family("panels"))``.
 
     The tags are those of ``phexfab.cad.tags.face_tags``; an edge of a part's top or bottom is
     called after both of its faces, ``top_side_1``.
     """
+
+    def __init__(self, *names: str) -> None:
+        super().__init__(*map(plain_tag, names))
 
     def of(self, made: Known) -> frozenset[str]:
         return frozenset(made.tags)

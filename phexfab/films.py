@@ -1,11 +1,12 @@
-"""Films: what a design asks for, as a smooth surface beyond its rims, with lattice and borders."""
+"""Films: what a design asks for, as a smooth surface beyond its rims, and these as its borders.
+
+Lattices are laid on them in ``phexfab.placing``.
+"""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from phexfab.design import Design
-from phexfab.errors import DesignError, LatticeError, MeshError, SurfaceError
+from phexfab.design.load import file_of
+from phexfab.errors import DesignError, LatticeError, SurfaceError
 from phexfab.mesh.trimesh_io import read_triangles
 from phexfab.parallel.border import Border
-from phexfab.remesh.lattice import Lattice
-from phexfab.remesh.mesh_lattices.trace import mesh_lattice
-from phexfab.remesh.seamless.grow import grow_lattice
 from phexfab.surface import MinimalSurface, associate, from_expressions
 from phexfab.surface.catalog import surface as named_surface
 from phexfab.surface.disc_films.extension import FILM, extended
@@ -32,9 +31,10 @@ from phexfab.surface.periodic.mesh import periodic_film
 from phexfab.surface.rims.checks import unit_factor
 from phexfab.surface.rims.inward import rounded_inward
 from phexfab.surface.rims.rim import Rim
-from phexfab.surface.umbilics import umbilics
+from phexfab.surface.umbilics import Umbilics, umbilics
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 ComplexArray = NDArray[np.complex128]
 Figures = Mapping[str, tuple[float | int | str, str]]
 
@@ -53,14 +53,53 @@ SAMPLES = 24
 
 
 @dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane domain of parameters that a film covers.
+
+    Attributes
+    ----------
+    domain, core : Disc
+        All of it, and the part within the rims.
+    umbilics : Umbilics
+        Of the whole domain.
+    """
+
+    domain: Disc
+    core: Disc
+    umbilics: Umbilics
+
+
+@dataclass(frozen=True, eq=False)
+class Meshed:
+    """A triangle mesh that lies on a film.
+
+    Attributes
+    ----------
+    points, triangles : (n, 3) mm and (m, 3) int
+    parameters : (n,) complex
+        The surface's.
+    bends : (normals, directions, curvatures)
+        (n, 3), (n, 3) and (n,): of the film, directions those of the curvature −κ.
+    given : bool
+        The mesh is the user's, and no finer one can be made.
+    """
+
+    points: FloatArray
+    triangles: IntArray
+    parameters: ComplexArray
+    bends: tuple[FloatArray, FloatArray, FloatArray]
+    given: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Film:
     """A smooth film that reaches beyond its rims.
 
     Attributes
     ----------
     surface : MinimalSurface
-    lattice : Lattice
-        On all of the film.
+    ground : Plane or Meshed
+        On which lattices are laid.
     borders : tuple of Border
         The rims, where the shell is cut.
     rim_distance : float
@@ -68,14 +107,17 @@ class Film:
     figures : mapping of name to (value, unit)
     upright : bool
         True where outside means up.
+    finer : int
+        How many finer meshes there still are to try where this one shows too little.
     """
 
     surface: MinimalSurface
-    lattice: Lattice
+    ground: Plane | Meshed
     borders: tuple[Border, ...]
     rim_distance: float
     figures: Figures
     upright: bool = False
+    finer: int = 0
 
 
 def film_within(design: Design, rims: Sequence[Rim] = ()) -> DiscFilm | MeshFilm | None:
@@ -120,8 +162,10 @@ def _film_between(rims: Sequence[Rim], panel_size: float, name: str) -> MeshFilm
     return mesh_film(rims, panel_size, name=name)
 
 
-def film_of(design: Design, within: DiscFilm | MeshFilm | None, reach: float = 1.0) -> Film:
-    """Return the film that a design asks for, with a margin beyond its rims and a lattice.
+def film_of(
+    design: Design, within: DiscFilm | MeshFilm | None, reach: float = 1.0, finer: int = 0
+) -> Film:
+    """Return the film that a design asks for, with a margin beyond its rims.
 
     Parameters
     ----------
@@ -130,6 +174,8 @@ def film_of(design: Design, within: DiscFilm | MeshFilm | None, reach: float = 1
         From ``film_within``.
     reach : float
         Factor on the margin by which the film reaches beyond its rims.
+    finer : int
+        Which of the meshes of a periodic surface, coarsest first; see ``Film.finer``.
 
     Raises
     ------
@@ -141,7 +187,7 @@ def film_of(design: Design, within: DiscFilm | MeshFilm | None, reach: float = 1
     if within is not None:
         return _mesh_film(design, within, margin)
     if design.surface.source == "periodic":
-        return _periodic_film(design, margin)
+        return _periodic_film(design, margin, finer)
     return _round_piece(design, margin)
 
 
@@ -197,17 +243,12 @@ def rims_asked(design: Design) -> tuple[Rim, ...]:
     found: list[Rim] = []
     for item in asked.rim or ():
         if isinstance(item, str):
-            found += read_rims(beside(design, item), layer=asked.layer, **options)
+            found += read_rims(file_of(design, "surface.rim", item), layer=asked.layer, **options)
         else:
             found += rims_of(np.array(item), name="surface.rim", **options)
     if asked.smooth_inward is not None:
         return rounded_inward(found, asked.smooth_inward)
     return tuple(found)
-
-
-def beside(design: Design, path: str) -> Path:
-    """Return a path that stands in a design file, seen from that file's folder."""
-    return Path(os.path.dirname(design.source)) / path
 
 
 def _round_piece(design: Design, margin: float) -> Film:
@@ -227,8 +268,9 @@ def _round_piece(design: Design, margin: float) -> Film:
         outer *= 1.02
     rim = centre + radius * turn
     border = Border(smooth.point(rim), smooth.normal(rim), np.zeros(0, np.int64))
-    lattice = _grown(design, smooth, Disc(centre, outer), Disc(centre, radius))
-    return Film(smooth, lattice, (border,), 0.0, {})
+    domain = Disc(centre, outer)
+    ground = Plane(domain, Disc(centre, radius), umbilics(smooth, domain))
+    return Film(smooth, ground, (border,), 0.0, {})
 
 
 def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
@@ -250,12 +292,12 @@ def _disc_film(design: Design, film: DiscFilm, margin: float) -> Film:
     arm = foot - domain.centre
     if np.angle(np.roll(arm, -1) / arm).sum() < 0:  # z turns as the normals do
         border, _ = border_on(wider.surface, rim.reversed(), places, z, design.lattice.panel_size)
-    lattice = _grown(design, wider.surface, domain, wider.core, BLUR)
+    ground = Plane(domain, wider.core, umbilics(wider.surface, domain, BLUR))
     figures: Figures = {
         "film area": (wider.film.area / 1e6, "m²"),
         "film conformality": (wider.film.conformality, ""),
     }
-    return Film(wider.surface, lattice, (border,), wider.rim_distance, figures, upright=True)
+    return Film(wider.surface, ground, (border,), wider.rim_distance, figures, upright=True)
 
 
 def _mesh_film(design: Design, film: MeshFilm, margin: float) -> Film:
@@ -266,24 +308,15 @@ def _mesh_film(design: Design, film: MeshFilm, margin: float) -> Film:
         along = rim if inward(film, k) > 0 else rim.reversed()
         size = design.lattice.panel_size
         borders.append(border_on(wider.surface, along, wider.points, z, size)[0])
-    bends = _bends(wider.surface, z)
-    try:
-        lattice = _traced(design, wider.surface, wider.points, wider.triangles, z, bends)
-    except MeshError as error:
-        if film.given:
-            raise
-        raise LatticeError(
-            f"lattice.panel_size = {design.lattice.panel_size:.4g} mm: {error}; smaller panels "
-            "rest on a finer film"
-        ) from error
+    ground = Meshed(wider.points, wider.triangles, z, _bends(wider.surface, z), film.given)
     figures: Figures = {"film area": (film.area / 1e6, "m²"), **_as_curved(design)}
-    return Film(wider.surface, lattice, tuple(borders), wider.off_rim, figures, upright=True)
+    return Film(wider.surface, ground, tuple(borders), wider.off_rim, figures, upright=True)
 
 
 def _given_film(design: Design) -> MeshFilm:
     """The film that a triangle mesh stands for: its border is the rim."""
     asked = design.surface
-    path = beside(design, str(asked.mesh))
+    path = file_of(design, "surface.mesh", str(asked.mesh))
     given = read_triangles(path)
     if asked.unit is not None:
         given = replace(given, vertices=given.vertices * unit_factor(asked.unit, path.name))
@@ -292,30 +325,23 @@ def _given_film(design: Design) -> MeshFilm:
     return rimmed(film, **angle)
 
 
-def _periodic_film(design: Design, margin: float) -> Film:
+def _periodic_film(design: Design, margin: float, finer: int) -> Film:
     asked, size = design.surface, design.lattice.panel_size
-    edge = min(size, asked.scale / FINE)
-    for share in FINER:
-        film = periodic_film(
-            str(asked.periodic),
-            cell=asked.scale,
-            cells=asked.cells,
-            edge_length=share * edge,
-            margin=margin,
-        )
-        found = atlas(film.points, film.triangles, normals=film.normals, name=film.name)
-        z = found.parameter_of_vertex(np.arange(len(film.points)))
-        bends = (film.normals, film.directions, film.curvatures)
-        try:
-            lattice = _traced(design, found.surface, film.points, film.triangles, z, bends)
-        except MeshError:  # too coarse where the margin ends near an umbilic
-            if share == FINER[-1]:
-                raise
-        else:
-            break
+    film = periodic_film(
+        str(asked.periodic),
+        cell=asked.scale,
+        cells=asked.cells,
+        edge_length=FINER[finer] * min(size, asked.scale / FINE),
+        margin=margin,
+    )
+    found = atlas(film.points, film.triangles, normals=film.normals, name=film.name)
+    z = found.parameter_of_vertex(np.arange(len(film.points)))
+    bends = (film.normals, film.directions, film.curvatures)
+    ground = Meshed(film.points, film.triangles, z, bends, True)
     borders = tuple(Border(one.points, one.normals, one.corners) for one in film.cut.borders)
     figures: Figures = {"film area": (film.cut.area / 1e6, "m²"), **_as_curved(design)}
-    return Film(found.surface, lattice, borders, 0.0, figures)
+    left = len(FINER) - 1 - finer
+    return Film(found.surface, ground, borders, 0.0, figures, finer=left)
 
 
 def _as_curved(design: Design) -> Figures:
@@ -332,32 +358,6 @@ def _bends(smooth: MinimalSurface, z: ComplexArray) -> tuple[FloatArray, FloatAr
         along /= np.linalg.norm(along, axis=1, keepdims=True)
     along[q == 0] = 0.0
     return smooth.normal(z), along, np.abs(smooth.principal_curvatures(z)[:, 0])
-
-
-def _traced(
-    design: Design,
-    smooth: MinimalSurface,
-    points: FloatArray,
-    triangles: Any,
-    z: ComplexArray,
-    bends: tuple[FloatArray, FloatArray, FloatArray],
-) -> Lattice:
-    """Return the lattice on a triangle mesh whose vertices have the surface's parameters z."""
-    asked = design.lattice
-    found = mesh_lattice(
-        points,
-        triangles,
-        *bends,
-        panel_size=asked.panel_size,
-        row_ratio=asked.row_ratio,
-        rows_along=asked.rows_along,
-        kind=design.offset.type,
-        same_topology=False,  # the margin beyond the rims may have necks thinner than a panel
-    )
-    corner = triangles[found.face, found.barycentric.argmax(axis=1)]
-    spots = np.einsum("fk,fkj->fj", found.barycentric, points[triangles[found.face]])
-    near = smooth.closest_parameter(spots, z[corner])
-    return replace(found.lattice, points=near, parameters=near)
 
 
 def border_on(
@@ -379,21 +379,3 @@ def border_on(
     foot = smooth.closest_parameter(along, z[cKDTree(points).query(along)[1]])
     corners = np.flatnonzero(np.isin(t, rim.corners))
     return Border(along, smooth.normal(foot), corners), foot
-
-
-def _grown(
-    design: Design, smooth: MinimalSurface, domain: Disc, core: Disc, blur: float = 0.0
-) -> Lattice:
-    asked = design.lattice
-    return grow_lattice(
-        smooth,
-        domain,
-        panel_size=asked.panel_size,
-        row_ratio=asked.row_ratio,
-        rows_along=asked.rows_along,
-        evenness=asked.evenness,
-        kind=design.offset.type,
-        core=core,
-        found=umbilics(smooth, domain, blur),
-        trim=False,
-    )

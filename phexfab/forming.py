@@ -2,7 +2,8 @@
 
 A named surface on a rectangle goes straight to its lattice. Everything else is a *film*: a smooth
 surface that reaches a little beyond its rims, a lattice closed up around its umbilics, the exact
-minimal shell on all of it, and a cut along the rims.
+minimal shell on all of it, and a cut along the rims. Where that cut misses a limit, other cuts and
+other places of the lattice on the same film are tried (``phexfab.fitting``).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.design import Design
+from phexfab.ending import Ending, ended, require_room
 from phexfab.errors import (
     DesignError,
     LatticeError,
@@ -23,30 +25,23 @@ from phexfab.errors import (
     SolveError,
     SurfaceError,
 )
-from phexfab.fabrication.checks import Limits
-from phexfab.fabrication.geometry_checks import bad_faces
-from phexfab.fabrication.panels import PanelSpec, largest_gaps
-from phexfab.fabrication.parts import Material
 from phexfab.films import Film, film_of, film_within, smooth_surface
+from phexfab.fitting import fitted
 from phexfab.freeform_shells import freeform_shell
-from phexfab.mesh.measures import signed_areas
 from phexfab.minimal.shell import lattice_on, solved_shell
-from phexfab.parallel.border import place
-from phexfab.parallel.cut import CutReport, cut_shell
-from phexfab.parallel.offset import admissible_interval
 from phexfab.parallel.shell import Shell
-from phexfab.parallel.within import border_distance, panels_within
-from phexfab.remesh.fewer_panels import firm_shell, without_panels
+from phexfab.placing import Placement, lattice_at
+from phexfab.remesh.lattice import Lattice
 from phexfab.surface import MinimalSurface, check_rectangle
+from phexfab.surface.disc_films.plateau import DiscFilm
 from phexfab.surface.freeform.surface import FreeformSurface
 from phexfab.surface.mesh_films.mesh_film import MeshFilm
+from phexfab.surface.rims.inward import inward_radius
 from phexfab.surface.rims.rim import Rim
 
 FloatArray = NDArray[np.float64]
 Figures = Mapping[str, tuple[float | int | str, str]]
 Progress = Callable[[str, int, int], None]
-PLUMB = np.array([0.0, 0.0, 1.0])
-SPARE = 1.15  # factor on the depth of panels and bars in which no edge at the rim is to vanish
 TRIES = (
     (1.0, 1.0),
     (1.4, 1.0),
@@ -59,9 +54,14 @@ TRIES = (
 )
 """How far a film reaches beyond its rims and how large panels are, over what is wished for.
 
-A rim that a film can hardly be continued beyond needs a narrow margin, one that large panels lie
-along a wide one; and where a rim meets a lattice badly, another one will do.
+The first that gives a shell which ends at its rims is taken. A rim that a film can hardly be
+continued beyond needs a narrow margin, one that large panels lie along a wide one; and where a
+shell cannot be cut at all, another lattice will do.
 """
+
+INWARD, ROUNDING = 4.4, 6.0
+"""Radius, in panels, with which a rim may turn inwards, and of the rounding of a right angle that
+leaves so much. A film ends about half that radius beyond such a rim: panels there need theirs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,17 +121,19 @@ def form(design: Design, say: Progress, rims: Sequence[Rim] = (), face: Any = No
     failed: PhexError | None = None
     too_far = np.inf
     slow = design.surface.source == "periodic"
+    films: dict[float, Film] = {}
     for reach, size in TRIES[:4] if slow else TRIES:
         if reach >= too_far:
             continue
         say("surface", 0, 0)
-        lattice = design.lattice.model_copy(update={"panel_size": size * design.lattice.panel_size})
-        tried = design.model_copy(update={"lattice": lattice})
         try:
-            film = film_of(tried, within, reach)
+            if reach not in films:
+                films[reach] = film_of(design, within, reach)
+            film, lattice = _laid(design, within, reach, films[reach], Placement(size))
+            films[reach] = film
             say("shell", 0, 0)
-            whole, index = solved_shell(film.surface, film.lattice, design.offset.type)
-            return _ended(tried, film, whole, index)
+            whole, index = solved_shell(film.surface, lattice, design.offset.type)
+            first = ended(design, film, whole)
         except SurfaceError as error:  # it cannot be continued that far
             failed, too_far = failed or error, min(too_far, reach)
         except MeshError as error:  # the shell ends before its rim, or cannot be cut there
@@ -140,8 +142,67 @@ def form(design: Design, say: Progress, rims: Sequence[Rim] = (), face: Any = No
             failed = failed or error
             if isinstance(within, MeshFilm) or slow:
                 break  # what a wider margin does not change, and long in the making
+        else:
+            try:
+                return _formed(design, within, film, Placement(size), whole, index, first)
+            except MeshError as error:  # no cut leaves room
+                failed = error
+                break
     assert failed is not None
+    if _turns_inwards(design, within):
+        size = design.lattice.panel_size
+        raise type(failed)(
+            f"{failed}; where a rim turns inwards, a film goes on the farther the larger the "
+            f"radius: give it {INWARD * size:.0f} mm or more, with surface.smooth_inward = "
+            f"{ROUNDING * size:.0f} where it is a right angle, or choose smaller panels"
+        ) from failed
     raise failed
+
+
+def _turns_inwards(design: Design, within: DiscFilm | MeshFilm | None) -> bool:
+    """Return whether the rim turns inwards more tightly than a film can well go on beyond."""
+    tight = INWARD * design.lattice.panel_size
+    return isinstance(within, DiscFilm) and inward_radius(within.rim) < tight
+
+
+def _laid(
+    design: Design,
+    within: DiscFilm | MeshFilm | None,
+    reach: float,
+    film: Film,
+    placement: Placement,
+) -> tuple[Film, Lattice]:
+    """Return the film, on a finer mesh where this one is too coarse, and a lattice on it."""
+    finer = 0
+    while True:
+        try:
+            return film, lattice_at(design, film, placement)
+        except MeshError:  # too coarse where the margin ends near an umbilic
+            if not film.finer:
+                raise
+            finer += 1
+            film = film_of(design, within, reach, finer)
+
+
+def _formed(
+    design: Design,
+    within: DiscFilm | MeshFilm | None,
+    film: Film,
+    placement: Placement,
+    whole: Shell,
+    index: int | None,
+    first: Ending,
+) -> Form:
+    """Return the form whose rim fits best."""
+    fit = fitted(design, film, placement, whole, index, first)
+    if design.border.panels == "cut":
+        require_room(design, fit.ending.shell)
+    figures = {**film.figures, **fit.ending.figures, **fit.figures}
+    if _turns_inwards(design, within):
+        figures["film off a rim that turns inwards, at most"] = (film.rim_distance, "mm")
+        wide = ROUNDING * design.lattice.panel_size
+        figures["surface.smooth_inward that suits right angles"] = (wide, "mm")
+    return Form(film.surface, fit.ending.shell, fit.index, fit.ending.rim_distance, figures)
 
 
 def _on_rectangle(design: Design, say: Progress) -> Form:
@@ -202,125 +263,6 @@ def parameter_rectangle(
         else:
             u0, u1 = -half, half
     return (u0, u1, v0, v1), closed
-
-
-def _ended(design: Design, film: Film, whole: Shell, index: int | None) -> Form:
-    """Return the form of a shell that ends at its rims, as the design asks."""
-    if design.border.panels == "whole":
-        shell, off, figures = _in_whole_panels(design, film, whole)
-    else:
-        shell, off, figures = _cut(design, film, whole)
-    crossed = bad_faces(shell)
-    if crossed.any():
-        spot = shell.points[shell.panels[np.argmax(crossed)]]
-        raise MeshError(
-            f"the panel at {place(spot)} would cross itself: panels of "
-            f"{design.lattice.panel_size:.4g} mm are too large for the film there; choose a "
-            "smaller lattice.panel_size"
-        )
-    # Whose rim is given sees it from above; a named surface has the side that its formula says.
-    if film.upright and faces_down(shell):
-        shell = shell.turned_over()
-    if design.border.panels == "cut":
-        _require_room(design, shell)
-    return Form(film.surface, shell, index, off, {**film.figures, **figures})
-
-
-def _require_room(design: Design, shell: Shell) -> None:
-    """Refuse a cut that leaves no room for panels or bars: another one may do better."""
-    below, above = _depth(design)
-    low, high = admissible_interval(shell)
-    gap, gaps = design.panels.gap, largest_gaps(shell, panel_spec(design))
-    remedy = 'choose another lattice.panel_size, or border.panels = "whole"'
-    if -below < low or high < above:
-        raise MeshError(
-            f"the rim leaves edges that vanish {min(-low, high):.0f} mm off the shell, within the "
-            f"depth of panels and bars; {remedy}, or lower bars"
-        )
-    if gaps.min() <= gap:
-        spot = shell.mesh.polygon(int(gaps.argmin())).mean(axis=0)
-        raise MeshError(
-            f"the rim leaves a panel at {place(spot)} that is too small for a gap of "
-            f"{gap:g} mm; {remedy}, or a smaller panels.gap"
-        )
-
-
-def panel_spec(design: Design) -> PanelSpec:
-    """Return what panels are to be like."""
-    p = design.panels
-    return PanelSpec(p.thickness, p.gap, p.side, p.edges, Material(p.material, p.density))
-
-
-def _in_whole_panels(
-    design: Design, film: Film, whole: Shell
-) -> tuple[Shell, float | None, Figures]:
-    """Return the panels whose middle lies within the rims; they end off the rim by design."""
-    kept = panels_within(whole, film.borders)
-    shell = firm_shell(without_panels(whole, whole.panels[~kept]))
-    size = design.lattice.panel_size
-    off = border_distance(shell, film.borders, size / 16) + film.rim_distance
-    return shell, None, {"whole panels end off the rim, at most": (off, "mm")}
-
-
-def _cut(design: Design, film: Film, whole: Shell) -> tuple[Shell, float | None, Figures]:
-    asked = design.border
-    below, above = (SPARE * depth for depth in _depth(design))
-    made = cut_shell(
-        whole,
-        film.borders,
-        sliver_share=asked.sliver,
-        sliver_width=asked.sliver_width,
-        shortest_edge=_shortest_edge(design),
-        depth=(above, below) if film.upright and faces_down(whole) else (below, above),
-        sagitta=asked.sagitta,
-        direction=PLUMB if asked.direction == "plumb" else None,
-    )
-    return (
-        made.shell,
-        made.report.rim_distance + film.rim_distance,
-        _cut_figures(made.report),
-    )
-
-
-def _depth(design: Design) -> tuple[float, float]:
-    """How deep panels and bars reach below and above M, mm: no edge at the rim may vanish there."""
-    panel, bars = design.panels, 0.0
-    if design.beams.kind == "flat":
-        bars = design.beams.height + design.beams.seat + design.beams.width / 2
-    below = {"outside": 0.0, "inside": 1.0, "centre": 0.5}[panel.side] * panel.thickness
-    above = panel.thickness - below
-    if panel.side == "inside":
-        above += bars
-    else:
-        below += bars
-    if design.offset.distance is not None:
-        below, above = max(below, -design.offset.distance), max(above, design.offset.distance)
-    return below, above
-
-
-def _shortest_edge(design: Design) -> float:
-    """The shortest edge to leave at the rim, mm: something of every beam, and of every panel."""
-    least = [Limits(**design.checks.limits()).shortest_edge, 2.0 * design.panels.gap]
-    if design.nodes.kind == "hub":
-        least.append(2.0 * (design.nodes.radius + design.nodes.clearance) + 40.0)
-    return max(least)
-
-
-def faces_down(shell: Shell) -> bool:
-    """Return whether the normals of a shell point down rather than up, weighted by area."""
-    areas = signed_areas(shell.mesh, shell.normals[shell.panels])
-    return bool(areas @ shell.normals[shell.panels, 2] < 0)
-
-
-def _cut_figures(report: CutReport) -> Figures:
-    return {
-        "panels cut by the rim": (report.cut, ""),
-        "slivers merged": (report.merged, ""),
-        "slivers left out": (report.dropped, ""),
-        "slivers kept": (report.kept, ""),
-        "cut off the normals, at most": (report.ruling_angle, "deg"),
-        "shortest edge at the rim": (report.shortest_edge, "mm"),
-    }
 
 
 def panel_sizes(shell: Shell) -> FloatArray:

@@ -16,21 +16,23 @@ from numpy.typing import NDArray
 
 from phexfab.cad.freeform_faces import TrimmedSurface, trimmed_surfaces_of
 from phexfab.design import Design
-from phexfab.errors import DesignError, LatticeError, MeshError, PhexError
-from phexfab.films import beside
+from phexfab.design.load import file_of
+from phexfab.errors import DesignError, LatticeError, PhexError
+from phexfab.given_meshes import given_shell
 from phexfab.mesh.measures import mean_edge, planarity, signed_areas, simple_faces
 from phexfab.mesh.polygons import import_polygons
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.mesh.trimesh_io import read_triangles
 from phexfab.parallel.shell import Shell
-from phexfab.remesh.conjugate.fields import field_family
-from phexfab.remesh.conjugate.hexagons import ConjugateHexagons, conjugate_hexagons
+from phexfab.remesh.conjugate.fields import field_family, plane_families
+from phexfab.remesh.conjugate.sectors import ConjugateSectors, conjugate_sectors
 from phexfab.remesh.coverage import Coverage, coverage
 from phexfab.remesh.dupin.planar import dupin_hexagons
 from phexfab.remesh.fewer_panels import (
     centre_distances,
     firm_mesh,
     firm_shell,
+    pieces,
     without_panels,
 )
 from phexfab.remesh.panel_shell import panel_shell
@@ -52,6 +54,8 @@ FloatArray = NDArray[np.float64]
 Figures = Mapping[str, tuple[float | int | str, str]]
 Made = TypeVar("Made")
 CROSSING = {"refuse": "raise", "drop": "drop"}
+PIECE = 0.1
+"""Panels of a piece over those of the largest, below which it is left out."""
 NOT_PLANAR = 1e-6
 """Planarity over the mean edge above which a mesh is not the planar one that a method needs."""
 
@@ -110,7 +114,8 @@ def freeform_shell(design: Design, rims: Sequence[Rim] = (), face: Any = None) -
     if method == "planarise":
         if face is not None:
             raise DesignError('mesh.method = "planarise": needs a mesh, but a face is given')
-        return _planarised(design)
+        made = given_shell(design)
+        return FreeformShell(None, made.shell, made.deviation, made.figures)
     patch = _patch(design, face)
     try:
         shell, figures = METHODS[method](design, patch)
@@ -127,6 +132,7 @@ def freeform_shell(design: Design, rims: Sequence[Rim] = (), face: Any = None) -
     figures = {
         "method": (method, ""),
         **figures,
+        "pieces": (pieces(shell), ""),
         "panels left out at the border": (dropped, ""),
         "panels reach over the border, at most": (float(over.max()), "mm"),
         "share of the surface covered": (under.share, ""),
@@ -168,7 +174,7 @@ def _patch(design: Design, face: Any = None) -> _Patch:
             raise DesignError(f"{len(given)} faces are given; select one")
         return _trimmed(given[0])
     if asked.step is not None:
-        path = beside(design, asked.step)
+        path = file_of(design, "surface.step", asked.step)
         found = trimmed_surfaces_of(path)
         if asked.face is None and len(found) > 1:
             raise DesignError(
@@ -182,7 +188,7 @@ def _patch(design: Design, face: Any = None) -> _Patch:
                 f"from 1 to {len(found)}"
             )
         return _trimmed(found[number - 1])
-    path = beside(design, str(asked.mesh))
+    path = file_of(design, "surface.mesh", str(asked.mesh))
     mesh = _scaled(design, read_triangles(path), path)
     return _Patch(mesh_surface(mesh, name=path.name), mesh, None)
 
@@ -197,31 +203,6 @@ def _scaled(design: Design, mesh: PolyMesh, path: Path) -> PolyMesh:
     return replace(mesh, vertices=mesh.vertices * unit_factor(design.surface.unit, path.name))
 
 
-def _planarised(design: Design) -> FreeformShell:
-    asked = design.mesh
-    path = beside(design, str(design.surface.mesh))
-    factor = 1.0 if design.surface.unit is None else unit_factor(design.surface.unit, path.name)
-    mesh, report = import_polygons(
-        path, weld_within=None if asked.weld is None else asked.weld / factor
-    )
-    mesh = _scaled(design, mesh, path)
-    try:
-        made = panel_shell(mesh, border=asked.border, name=path.name)
-    except MeshError as error:  # of the mesh itself: what the file asks for cannot be
-        raise DesignError(f'surface.mesh = "{design.surface.mesh}": {error}') from error
-    found = made.planarised.report
-    figures: Figures = {
-        "method": ("planarise", ""),
-        "vertices welded": (report.welded, ""),
-        "faces turned": (len(report.turned), ""),
-        "planarity before": (found.planarity_before, ""),
-        "vertices moved, at most": (float(made.moved.max()), "mm"),
-        "vertices moved, root mean square": (float(np.sqrt((made.moved**2).mean())), "mm"),
-        "panels left out at the border": (mesh.n_faces - len(made.shell.panels), ""),
-    }
-    return FreeformShell(None, made.shell, made.moved, figures)
-
-
 def _within(shell: Shell, patch: _Patch) -> tuple[Shell, int]:
     """Leave out panels that reach over the outline, and what hangs on by one edge."""
     count = len(shell.panels)
@@ -229,7 +210,7 @@ def _within(shell: Shell, patch: _Patch) -> tuple[Shell, int]:
         inside = patch.holds(patch.surface.nearest(shell.mesh.vertices))
         whole = np.logical_and.reduceat(inside[shell.mesh.corners], shell.mesh.starts[:-1])
         shell = without_panels(shell, shell.panels[~whole])
-    shell = firm_shell(shell)
+    shell = firm_shell(shell, share=PIECE)
     return shell, count - len(shell.panels)
 
 
@@ -260,11 +241,11 @@ def _triangulation(design: Design, patch: _Patch) -> Triangulation:
 def _dupin(design: Design, patch: _Patch) -> tuple[Shell, Figures]:
     asked = design.mesh
     triangles = _triangulation(design, patch)
-    made = dupin_hexagons(triangles, closeness=asked.closeness, crossing=CROSSING[asked.crossing])
-    kept = firm_mesh(made.mesh)
-    shell = panel_shell(kept, border=asked.border, name=patch.surface.name).shell
+    made = dupin_hexagons(
+        triangles, closeness=asked.closeness or 0.0, crossing=CROSSING[asked.crossing]
+    )
     moved = made.planarised.report.motion_max
-    return shell, {
+    return _panelled(design, patch, made.mesh), {
         "planarity of the Dupin centres": (made.planarised.report.planarity_before, ""),
         "Dupin centres moved, at most": (moved, "mm"),
         "crossing panels left out": (len(made.dropped), ""),
@@ -273,25 +254,36 @@ def _dupin(design: Design, patch: _Patch) -> tuple[Shell, Figures]:
 
 def _conjugate(design: Design, patch: _Patch) -> tuple[Shell, Figures]:
     asked = design.mesh
-    family = field_family(smooth_rows(patch.surface, toward=asked.toward))
+    families = [field_family(smooth_rows(patch.surface, toward=asked.toward))]
+    if asked.toward is None:
+        families += plane_families(patch.surface)
 
-    def make(size: float) -> ConjugateHexagons:
-        return conjugate_hexagons(
+    def make(size: float) -> ConjugateSectors:
+        nonlocal families
+        made = conjugate_sectors(
             patch.surface,
-            family,
+            families,
             size,
-            closeness=asked.closeness,
+            closeness=asked.closeness or 0.0,
             crossing=CROSSING[asked.crossing],
         )
+        families = list(dict.fromkeys(made.families))  # another size follows the same
+        return made
 
     made = _sized(make, lambda one: centre_distances(one.mesh), design.lattice.panel_size)
-    kept = firm_mesh(made.mesh)
-    shell = panel_shell(kept, border=asked.border, name=patch.surface.name).shell
-    return shell, {
-        "planarity of the brick layout": (made.planarised.report.planarity_before, ""),
-        "its vertices moved, at most": (made.planarised.report.motion_max, "mm"),
-        "crossing panels left out": (len(made.dropped), ""),
+    reports = [net.planarised.report for net in made.nets]
+    return _panelled(design, patch, made.mesh), {
+        "planarity of the brick layout": (max(one.planarity_before for one in reports), ""),
+        "its vertices moved, at most": (max(one.motion_max for one in reports), "mm"),
+        "rows follow": (made.families[0].name, ""),
+        "crossing panels left out": (sum(len(net.dropped) for net in made.nets), ""),
     }
+
+
+def _panelled(design: Design, patch: _Patch, mesh: PolyMesh) -> Shell:
+    """Return the shell of a mesh's firm pieces."""
+    kept = firm_mesh(mesh, share=PIECE)
+    return panel_shell(kept, border=design.mesh.border, name=patch.surface.name).shell
 
 
 def _tangent(design: Design, patch: _Patch) -> tuple[Shell, Figures]:
@@ -352,7 +344,7 @@ def _support(design: Design, patch: _Patch) -> tuple[Shell, Figures]:
 
 
 def _parallel(design: Design, patch: _Patch) -> tuple[Shell, Figures]:
-    path = beside(design, str(design.mesh.start))
+    path = file_of(design, "mesh.start", str(design.mesh.start))
     start = import_polygons(path)[0]
     off = planarity(start) / mean_edge(start)
     if off.max() > NOT_PLANAR:

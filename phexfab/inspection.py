@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -17,7 +17,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from phexfab.errors import MeshError, SolveError
-from phexfab.mesh.io import read_mesh, weld
+from phexfab.mesh.alike import unwelded, welded
+from phexfab.mesh.io import read_mesh
 from phexfab.mesh.measures import (
     corner_angles,
     edge_lengths,
@@ -94,13 +95,18 @@ def inspect_files(
 ) -> Inspection:
     """Read an OBJ or OFF file, and its offset where there is one, and measure them.
 
+    Vertices are welded as by ``phexfab.mesh.polygons.import_polygons``, and ``counts`` says how
+    many became one with another.
+
     Parameters
     ----------
     path, offset : path
     gauss : bool
         The second file is the Gauss image S itself, not an offset.
     tolerance : float, optional
-        Make vertices one that are closer than this, in the unit of the file; see ``weld``.
+        Make vertices one that are closer than this, in the unit of the file; see ``weld``. Left
+        out, those that are one as files write them (``same_place``), unless that takes a face's
+        corners away or parts the offset: then all stay, and a note says so.
 
     Raises
     ------
@@ -111,8 +117,18 @@ def inspect_files(
     other = None if offset is None else read_mesh(offset)
     if other is not None:
         require_same_faces(mesh, other)
-    mesh, other = _joined(mesh, other, tolerance)
-    return inspect_mesh(mesh, other, gauss=gauss, name=Path(path).name)
+    used, refused = len(np.unique(mesh.corners)), []
+    try:
+        mesh, other = welded(mesh, other, tolerance)
+    except MeshError as error:
+        if tolerance is not None:
+            raise
+        refused = [f"vertices are left unwelded: {error}"]
+        mesh, other = unwelded(mesh, other)
+    found = inspect_mesh(mesh, other, gauss=gauss, name=Path(path).name)
+    counts = {**found.sections["counts"], "vertices welded": used - len(mesh.vertices)}
+    sections = {**found.sections, "counts": counts}
+    return replace(found, sections=sections, notes=(*refused, *found.notes))
 
 
 def inspect_mesh(
@@ -170,37 +186,6 @@ def inspect_mesh(
     return Inspection(name, sections, tuple(notes))
 
 
-def _joined(
-    mesh: PolyMesh, other: PolyMesh | None, tolerance: float | None
-) -> tuple[PolyMesh, PolyMesh | None]:
-    """Return meshes without unused vertices, welded alike where a tolerance is given."""
-    if tolerance is None:
-        used, index = np.unique(mesh.corners, return_inverse=True)
-        corners = index.reshape(-1).astype(np.int64)
-        joined = PolyMesh(mesh.vertices[used], corners, mesh.starts)
-        if other is None:
-            return joined, None
-        return joined, PolyMesh(other.vertices[used], corners, mesh.starts)
-    joined = weld(mesh, tolerance)
-    if other is None:
-        return joined, None
-    if len(joined.corners) != len(mesh.corners):
-        raise MeshError(
-            f"welding within {tolerance:g} drops corners of the mesh, so its offset no longer "
-            "corresponds; lower the tolerance"
-        )
-    # Corner for corner the same faces: a vertex takes the offset of the first it stands for.
-    _, first = np.unique(joined.corners, return_index=True)
-    points = other.vertices[mesh.corners]
-    apart = np.linalg.norm(points - points[first][joined.corners], axis=1)
-    if apart.max() > 10 * tolerance:
-        raise MeshError(
-            f"vertices that are one within {tolerance:g} lie {apart.max():.3g} apart in the "
-            "offset; lower the tolerance"
-        )
-    return joined, PolyMesh(points[first], joined.corners, joined.starts)
-
-
 def _counts(mesh: PolyMesh, notes: list[str]) -> dict[str, Value]:
     n = len(mesh.vertices)
     pairs = edges(mesh)
@@ -221,7 +206,7 @@ def _counts(mesh: PolyMesh, notes: list[str]) -> dict[str, Value]:
     if turned:
         notes.append(f"{turned} edges have faces of opposite orientation on their two sides")
     if pieces > 1 and pieces == mesh.n_faces:
-        length = float(edge_lengths(mesh).mean()) / 1000
+        length = float(edge_lengths(mesh).mean()) / 100
         notes.append(f"no two faces share a vertex; join them with --weld {length:.1g} or so")
     return {
         "vertices": n,

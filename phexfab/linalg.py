@@ -20,6 +20,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+_PANEL = 3  # columns SuperLU updates at a time: on surfaces a tenth faster than its own choice
+
+
 @dataclass(frozen=True, eq=False)
 class Factor:
     """A factorised symmetric matrix (possibly indefinite) that solves with refinement."""
@@ -124,6 +127,7 @@ def factorise(matrix: Any, order: IntArray | None = None, *, single: bool = Fals
             given if order is None else given[order][:, order],
             permc_spec="MMD_AT_PLUS_A" if order is None else "NATURAL",
             diag_pivot_thresh=0.0,
+            panel_size=_PANEL,
             options={"SymmetricMode": True},
         )
     except RuntimeError as error:

@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phexfab.design import Design, load_design
+from phexfab.ending import beam_spec, node_spec, panel_spec
 from phexfab.fabrication.bars import BeamSpec, beam_drop, down
 from phexfab.fabrication.beams import beams
 from phexfab.fabrication.checks import Limits, check_geometry, check_parts
+from phexfab.fabrication.limits import Origin
 from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
-from phexfab.fabrication.parts import CheckResult, Material, Parts, Sheet, Stock
+from phexfab.fabrication.parts import CheckResult, Parts, Sheet, Stock
 from phexfab.films import rims_given
-from phexfab.forming import Form, form, panel_sizes, panel_spec
+from phexfab.forming import Form, form, panel_sizes
 from phexfab.minimal.shell import surface_distance
 from phexfab.parallel.offset import admissible_interval, offset
 from phexfab.parallel.shell import Shell
@@ -72,6 +74,21 @@ class Build:
     parts: Parts
     checks: tuple[CheckResult, ...]
     figures: Figures
+
+    def __repr__(self) -> str:
+        made = ", ".join(
+            f"{count} {name}" for name in ("panels", "beams", "nodes")
+            if (count := len(getattr(self.parts, name)))
+        )  # fmt: skip
+        failed = [result.name for result in self.checks if not result.ok]
+        said = f"{len(failed)} failed: {', '.join(failed)}" if failed else "all pass"
+        return f"<Build {self.design.name!r}: {made}; {len(self.checks)} checks, {said}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the assembly's picture and the verdict."""
+        from phexfab.report.notebook import build_html
+
+        return build_html(self)
 
     @property
     def ok(self) -> bool:
@@ -210,6 +227,7 @@ def build(
     parts = _parts(asked, shell)
     say("checks", 0, 0)
     limits = Limits(**asked.checks.limits())
+    origin = _origin(asked)
     deviation = formed.deviation
     if isinstance(formed.surface, MinimalSurface):
         deviation = surface_distance(formed.surface, shell)
@@ -221,8 +239,9 @@ def build(
             offset_distance=distance,
             rim_distance=formed.rim_distance,
             minimal=isinstance(formed.surface, MinimalSurface),
+            origin=origin,
         ),
-        *check_parts(parts, shell, limits, stocks=stocks(asked)),
+        *check_parts(parts, shell, limits, stocks=stocks(asked), origin=origin),
     )
     figures = _figures(asked, formed, parts, distance)
     return Build(asked, formed.surface, shell, parts, checks, figures)
@@ -270,20 +289,7 @@ def stocks(design: Design) -> dict[str, Stock]:
 
 def specs(design: Design) -> tuple[PanelSpec, BeamSpec, NodeSpec]:
     """Return what panels, beams and nodes are to be like."""
-    b, n = design.beams, design.nodes
-    return (
-        panel_spec(design),
-        BeamSpec(
-            b.width,
-            b.height,
-            b.ends,
-            b.seat,
-            n.radius,
-            n.clearance,
-            Material(b.material, b.density),
-        ),
-        NodeSpec(n.kind, n.radius, Material(n.material, n.density)),
-    )
+    return panel_spec(design), beam_spec(design), node_spec(design)
 
 
 def offset_distance(design: Design, shell: Shell) -> float:
@@ -294,6 +300,13 @@ def offset_distance(design: Design, shell: Shell) -> float:
     if design.beams.kind == "none":
         return -down(panel) * panel.thickness
     return down(panel) * (beam_drop(shell, beam, panel) + beam.height)
+
+
+def _origin(design: Design) -> Origin:
+    """Return what the panels come from, for remedies that help there."""
+    if design.mesh.method is None:
+        return "lattice"
+    return "given" if design.mesh.method == "planarise" else "covered"
 
 
 def _parts(design: Design, shell: Shell) -> Parts:

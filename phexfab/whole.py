@@ -19,5 +19,9 @@ def whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield draft
         os.replace(draft, target)
+    except OSError as error:
+        if error.filename == str(draft):  # nobody asked for a draft
+            error.filename, error.filename2 = str(target), None
+        raise
     finally:
         draft.unlink(missing_ok=True)

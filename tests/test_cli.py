@@ -314,9 +314,26 @@ def test_every_verb_has_examples_of_itself(monkeypatch, verb):
     assert f" phexfab {verb}" in text.split("Examples:")[1]
 
 
-@pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "schema"])
-def test_every_verb_that_prints_results_speaks_json(verb):
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_speaks_json(verb):
     assert "--json" in run(verb, "--help").output
+
+
+@pytest.mark.parametrize("size", ["0", "-3", "-3 cm"])
+def test_a_starter_s_panels_have_a_size(here, size):
+    result = run("new", "roof", "--panel-size", size)
+    assert result.exit_code == 2
+    assert "--panel-size" in result.output and "write for example 450" in result.output
+    assert not (here / "roof.toml").exists()
+
+
+def test_what_cannot_be_written_is_named_with_a_remedy(here):
+    result = run("schema", "-o", "nowhere/x.json", "--json")
+    assert result.exit_code == 3
+    error = json.loads(result.stdout)["error"]
+    assert (error["file"], error["problems"][0]["remedy"]) == ("nowhere/x.json", "check the path")
+    assert run("schema", "-o", "x.json", "--json").exit_code == 0
+    assert json.loads((here / "x.json").read_text(encoding="utf-8"))["title"]
 
 
 def test_python_m_phexfab_is_the_same_command(tmp_path):

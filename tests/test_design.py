@@ -20,10 +20,11 @@ from phexfab.design.checks import Checks
 from phexfab.design.fields import Section
 from phexfab.design.model import Surface
 from phexfab.design.rules import median_panel
-from phexfab.errors import DesignError, LatticeError
+from phexfab.errors import DesignError, LatticeError, PhexError
 from phexfab.fabrication import bars, nodes, panels
 from phexfab.fabrication.limits import KINDS, Limits
 from phexfab.minimal import gauss_image
+from phexfab.pipeline import build
 from phexfab.remesh.lattice import check_directions
 from phexfab.surface.catalog import catalog
 from phexfab.triangular import EQUILATERAL, mean_distance
@@ -374,6 +375,55 @@ def test_a_slip_of_toml_is_reported_with_its_line(text, line):
     message = refusal(text)
     assert message.startswith(f"house.toml: line {line} is not TOML")
     assert text.splitlines()[line - 1] in message
+
+
+@pytest.mark.parametrize(
+    ("line", "remedy"),
+    [
+        ("[lattice]\n", "each table and each key stands in the file once"),
+        ("panel_size = 500\npanel_size = 600\n", "each table and each key stands in the file once"),
+        ("panel size = 450\n", "write key = value; keys have no spaces"),
+        ("panel_size: 450\n", "write key = value; keys have no spaces"),
+        ("title = “Roof”\n", "quotes are straight"),
+        ("title = Roof\n", "stand in quotes"),
+        ("[panels\n", "write a table as [name]"),
+    ],
+)
+def test_a_slip_of_toml_comes_with_its_own_remedy(line, remedy):
+    assert remedy in refusal(MINIMAL + line).splitlines()[2]
+
+
+def test_of_a_list_the_wrong_item_is_named_with_the_list_and_its_line():
+    text = with_key("output", 'files = ["glb", "stp"]')
+    line = text.splitlines().index('files = ["glb", "stp"]') + 1
+    assert f'output.files = ["glb", "stp"] (line {line}): "stp": no such choice' in refusal(text)
+
+
+def test_a_material_spelt_otherwise_is_proposed():
+    message = refusal(with_key("panels", 'material = "Aluminum"'))
+    assert 'did you mean material = "aluminium"? add density' in message
+    assert "did you mean" not in refusal(with_key("panels", 'material = "cheese"'))
+
+
+@pytest.mark.parametrize(
+    "surface", ['rim = "eaves.csv"', 'rim = ["eaves.csv"]', 'mesh = "eaves.csv"']
+)
+def test_a_file_that_is_not_there_is_named_by_its_key(tmp_path, surface):
+    design = tmp_path / "house.toml"
+    design.write_text(f"[surface]\n{surface}\n[lattice]\npanel_size = 600\n", encoding="utf-8")
+    key = surface.split()[0]
+    with pytest.raises(
+        DesignError, match=rf'^surface\.{key} = "eaves\.csv": there is no such file'
+    ):
+        build(design)
+
+
+def test_a_flat_rim_is_told_to_bend():
+    ring = np.linspace(0, 2 * np.pi, 49)[:-1]
+    points = np.column_stack([3000 * np.cos(ring), 2000 * np.sin(ring), 0 * ring])
+    keys = {"surface": {"rim": [points.tolist()]}, "lattice": {"panel_size": 600}}
+    with pytest.raises(PhexError, match=r"the film is a plane.*bend the rim out of its plane"):
+        build(make_design(keys))
 
 
 def test_files_that_cannot_be_read(tmp_path):

@@ -43,9 +43,15 @@ def test_every_format_leaves_what_it_says(built, tmp_path):
         written = built.export(tmp_path / key, key)
         assert sorted(path.name for path in written) == sorted(kind.names)
         files = [path for path in (tmp_path / key).rglob("*") if path.is_file()]
-        assert files and all(path.suffix in (*kind.suffixes, ".mtl") for path in files)
+        assert files and all(
+            path.suffix in (*kind.suffixes, ".mtl") or path.name in kind.inside for path in files
+        )
         assert all(path.stat().st_size > 100 for path in files)
-    assert tree(tmp_path / "3mf") == {"model-3mf/shell.3mf", "model-3mf/plate-1.3mf"}
+    assert tree(tmp_path / "3mf") == {
+        "model-3mf/shell.3mf",
+        "model-3mf/plate-1.3mf",
+        "model-3mf/plates.csv",
+    }
 
 
 def test_a_file_s_ending_tells_its_format(built, tmp_path):

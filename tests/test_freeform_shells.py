@@ -6,13 +6,17 @@ from pathlib import Path
 import cadquery as cq
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Voronoi
 from shapely import Polygon, box
 
 import phexfab
 from phexfab.design import parse_design
 from phexfab.errors import DesignError, LatticeError, MeshError, PhexError, SurfaceError
+from phexfab.fabrication.geometry_checks import check_geometry
 from phexfab.forming import form
+from phexfab.mesh.half_edges import twins
 from phexfab.mesh.io import write_mesh
 from phexfab.mesh.measures import face_normals, simple_faces
 from phexfab.mesh.polygons import read_polygons
@@ -32,6 +36,10 @@ def bowl(x, y):
 
 def saddle(x, y):
     return (x * x / 1.3 - y * y) / 22000 + 100 * np.sin(x / 4000)
+
+
+def monkey(x, y):
+    return (x**3 - 3 * x * y * y) / 3e7
 
 
 def wave(x, y):
@@ -90,6 +98,7 @@ def folder(tmp_path_factory):
     for name, height in (("bowl", bowl), ("saddle", saddle), ("wave", wave)):
         save_face(path / f"{name}.step", height)
     save_triangles(path / "bowl.obj", bowl)
+    save_face(path / "monkey.step", monkey, 3000.0, 3000.0)
     shrink = cq.Matrix([[1, 0, 0, 0], [0, 0.8, 0, 0], [0, 0, 0.7, 0]])
     solid = cq.Workplane().sphere(8000).val().transformGeometry(shrink)
     block = cq.Workplane().box(6000, 6000, 5000).translate((-8000, 500, 300)).val()
@@ -186,6 +195,30 @@ def test_panels_on_a_trimmed_ellipsoid_stay_within_its_outline(folder):
     assert np.abs(heights / np.abs(shell.heights) - 1).max() < 1e-7
 
 
+@pytest.mark.parametrize("method", ["conjugate", "dupin"])
+def test_pieces_about_a_flat_point_are_all_panels_of_the_shell(folder, method):
+    formed = form(design(folder, "monkey.step", method, size=500), lambda *_: None)
+    mesh = formed.shell.mesh
+    beyond = twins(mesh)
+    inner = np.flatnonzero(beyond >= 0)
+    pairs = np.column_stack([mesh.face_of_corner[inner], mesh.face_of_corner[beyond[inner]]])
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(mesh.n_faces,) * 2)
+    count, piece = connected_components(links, directed=False)
+    sizes = np.bincount(piece)
+    assert count >= 2 and formed.figures["pieces"] == (count, "")
+    assert sizes.min() >= 0.1 * sizes.max()
+    # A vertex belongs to one piece; together they lie on more than one side of the flat point.
+    owner = np.unique(np.column_stack([mesh.corners, piece[mesh.face_of_corner]]), axis=0)
+    assert len(owner) == len(mesh.vertices)
+    assert formed.figures["share of the surface covered"][0] > 0.45
+    assert simple_faces(mesh).all()
+    assert all(
+        check.ok
+        for check in check_geometry(formed.shell, minimal=False)
+        if check.name in ("planarity", "parallelism", "simple_faces")
+    )
+
+
 def test_a_free_form_shell_is_built_to_step_and_dxf(folder, tmp_path):
     write_mesh(dome_faces(noise=3.0, reach=1300.0), folder / "small.obj")
     built = phexfab.build(design(folder, "small.obj", "planarise", size=700))
@@ -236,7 +269,8 @@ def test_kept_panels_of_a_ragged_border_move_little():
 
 def test_a_hole_without_a_free_corner_asks_for_drop():
     mesh = dome_faces(hole=True)
-    with pytest.raises(MeshError, match='take border = "drop"'):
+    said = r'1 borders two faces meet, first the border of 6 edges around \[.*take border = "drop"'
+    with pytest.raises(MeshError, match=said):
         panel_shell(mesh)
     assert len(panel_shell(mesh, border="drop").shell.panels) > 0
 
@@ -259,11 +293,36 @@ def test_strips_of_single_faces_are_not_firm():
     pairs = np.array([[0, 1], [1, 2], [2, 0], [2, 3], [3, 4], [5, 6]])
     both = np.concatenate([pairs, pairs[:, ::-1]])
     assert firm_faces(both, 7).tolist() == [True] * 3 + [False] * 4
+    more = np.concatenate([both, [[5, 7], [7, 5], [6, 7], [7, 6]]])  # two triangles of faces
+    apart = np.array([[f, 10 * f] for f in range(8)])
+    kept = firm_faces(more, 8, places=apart, share=0.5)
+    assert kept.tolist() == [True] * 3 + [False] * 2 + [True] * 3
+    assert firm_faces(more, 8, places=apart, share=1.1).sum() == 3
+    touching = np.concatenate([apart, [[1, 99], [6, 99]]])
+    assert firm_faces(more, 8, places=touching, share=0.5).sum() == 3
     strip = np.array([[0, 1], [1, 0], [1, 2], [2, 1], [3, 4], [4, 3]])
     assert firm_faces(strip, 5).tolist() == [True] * 3 + [False] * 2
 
 
 # -- what is refused -------------------------------------------------------------------------------
+
+
+def test_what_is_left_out_suits_the_method():
+    plain = STEP + '[mesh]\nmethod = "dupin"\n[lattice]\npanel_size = 600\n'
+    found = parse_design(plain, source="house.toml")
+    assert found.offset.type == "face" and found.checks.parallelism == 1e-9
+    given = parse_design(plain + "[checks]\nparallelism = 1e-7\n", source="house.toml")
+    assert given.checks.parallelism == 1e-7 and given.offset.type == "face"
+    minimal = parse_design('[surface]\nname = "enneper"\n' + SIZE.split("[offset]")[0])
+    assert minimal.offset.type == "edge" and minimal.checks.parallelism is None
+    # Nor is it asked for where something else is wrong.
+    said = refusal(plain.replace("dupin", "parallel"))
+    assert "mesh.start" in said and "offset" not in said
+
+
+def test_triangles_are_no_panels_to_planarise(folder):
+    with pytest.raises(DesignError, match=r'bowl.obj": has triangles only.*method = "dupin"'):
+        form(design(folder, "bowl.obj", "planarise"), lambda *_: None)
 
 
 def refusal(text):
@@ -334,8 +393,14 @@ def test_keys_that_do_not_go_together(text, words):
         ("wave.step", "duality", "", SurfaceError, 'mesh.method = "duality".*parabolic'),
         ("bowl.step", "power", "", SurfaceError, "ellipsoids only"),
         ("bowl.step", "parallel", 'start = "noisy.obj"', DesignError, "mesh.start.*planarise"),
-        ("bowl.step", "parallel", 'start = "no.obj"', PhexError, "no.obj"),
-        ("no.step", "dupin", "", DesignError, "no.step: there is no such file"),
+        (
+            "bowl.step",
+            "parallel",
+            'start = "no.obj"',
+            DesignError,
+            'mesh.start = "no.obj": there is no',
+        ),
+        ("no.step", "dupin", "", DesignError, 'surface.step = "no.step": there is no such file'),
         ("ellipsoid.step", "dupin", "", DesignError, "has 6 faces; add face = 1"),
         ("quads.obj", "planarise", "", DesignError, "surface.mesh.*vertices inside.*with 4"),
         ("noisy.obj", "dupin", "", PhexError, "noisy.obj.*corners"),

@@ -1,6 +1,8 @@
 """Meshes from elsewhere: measured values against bodies and shells that are known."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,8 @@ from phexfab.cli import app
 from phexfab.errors import MeshError
 from phexfab.inspection import inspect_files, inspect_mesh
 from phexfab.mesh import PolyMesh, write_mesh
+from phexfab.mesh.measures import edge_lengths
+from phexfab.mesh.polygons import import_polygons
 from phexfab.minimal.shell import minimal_shell
 from phexfab.parallel.offset import admissible_interval, offset
 from phexfab.remesh.lattice import lattice
@@ -113,14 +117,49 @@ def test_without_an_offset_the_gauss_image_is_found(shell):
 def test_files_are_welded_alike(shell, tmp_path):
     for name, mesh in (("m.obj", shell.mesh), ("s.off", shell.gauss)):
         write_mesh(apart(mesh), tmp_path / name)
+    for tolerance in (None, 1e-3):
+        found = inspect_files(
+            tmp_path / "m.obj", tmp_path / "s.off", gauss=True, tolerance=tolerance
+        )
+        vertices = len(shell.mesh.vertices)
+        assert found.sections["counts"]["vertices"] == vertices
+        assert found.sections["counts"]["vertices welded"] == len(shell.mesh.corners) - vertices
+        assert found.sections["pair"]["type"] == "vertex"
+        assert found.sections["pair"]["vertex type misses the sphere by"] < 1e-9
+        assert found.sections["curvature"]["largest |H|/√|K|"] < 1e-7
+
+
+def test_what_is_farther_apart_than_digits_is_not_welded_unasked(shell, tmp_path):
+    mesh = apart(shell.mesh)
+    shift = 0.004 * edge_lengths(shell.mesh).min() * np.sin(np.arange(mesh.vertices.size))
+    write_mesh(replace(mesh, vertices=mesh.vertices + shift.reshape(-1, 3)), tmp_path / "m.obj")
     loose = inspect_files(tmp_path / "m.obj")
     assert loose.sections["counts"]["pieces"] == shell.mesh.n_faces
+    assert loose.sections["counts"]["vertices welded"] == 0
     assert "--weld" in loose.notes[-1] and "offset types" not in loose.sections
-    found = inspect_files(tmp_path / "m.obj", tmp_path / "s.off", gauss=True, tolerance=1e-3)
-    assert found.sections["counts"]["vertices"] == len(shell.mesh.vertices)
-    assert found.sections["pair"]["type"] == "vertex"
-    assert found.sections["pair"]["vertex type misses the sphere by"] < 1e-9
-    assert found.sections["curvature"]["largest |H|/√|K|"] < 1e-7
+    length = float(re.search(r"--weld (\S+)", loose.notes[-1])[1])  # what the note proposes does
+    found = inspect_files(tmp_path / "m.obj", tolerance=length).sections["counts"]
+    assert (found["vertices"], found["pieces"]) == (len(shell.mesh.vertices), 1)
+
+
+def test_an_offset_that_parts_vertices_leaves_all_as_they_are(tmp_path):
+    # Two squares whose common side is one in the mesh, and open in what is called its offset.
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    faces = [[0, 1, 2, 3], [4, 5, 6, 7]]
+    write_mesh(
+        PolyMesh.from_faces(np.vstack([square, square + np.array([1, 0, 0])]), faces),
+        tmp_path / "a.obj",
+    )
+    write_mesh(
+        PolyMesh.from_faces(np.vstack([square, square + np.array([1.5, 0, 1])]), faces),
+        tmp_path / "b.obj",
+    )
+    assert inspect_files(tmp_path / "a.obj").sections["counts"]["vertices welded"] == 2
+    found = inspect_files(tmp_path / "a.obj", tmp_path / "b.obj")
+    assert found.sections["counts"]["vertices"] == 8
+    assert found.notes[0].startswith("vertices are left unwelded: vertices that are one within")
+    with pytest.raises(MeshError, match="lower the tolerance"):
+        inspect_files(tmp_path / "a.obj", tmp_path / "b.obj", tolerance=1e-6)
 
 
 def test_what_hinders_is_noted():
@@ -160,12 +199,13 @@ def test_a_published_koebe_mesh():
 
 
 @pytest.mark.parametrize(
-    ("name", "tolerance", "vertices", "faces", "borders"),
-    [("enneper2.off", None, 1920, 900, 1), ("catenoid3.off", 0.02, 3400, 1650, 2)],
+    ("name", "welded", "vertices", "faces", "borders"),
+    [("enneper2.off", 0, 1920, 900, 1), ("catenoid3.off", 6500, 3400, 1650, 2)],
 )
-def test_published_minimal_surfaces(name, tolerance, vertices, faces, borders):
-    found = inspect_files(public(name), tolerance=tolerance).sections
+def test_published_minimal_surfaces(name, welded, vertices, faces, borders):
+    found = inspect_files(public(name)).sections
     counts = found["counts"]
+    assert counts["vertices welded"] == welded == import_polygons(public(name))[1].welded
     assert (counts["vertices"], counts["faces"], counts["borders"]) == (vertices, faces, borders)
     assert found["faces"]["reflex corners of a face"] == {"2": faces}
     assert found["faces"]["planarity / mean edge"] < 5e-5
@@ -190,7 +230,7 @@ def test_the_command_prints_a_table_or_json(shell, tmp_path):
         assert words in result.stdout
     result = run("inspect", tmp_path / "m.obj", tmp_path / "s.obj", "--gauss", "--json")
     data = json.loads(result.stdout)
-    assert data["name"] == "m.obj" and data["pair"]["type"] == "vertex"
+    assert data["exit_code"] == 0 and data["name"] == "m.obj" and data["pair"]["type"] == "vertex"
     assert data["counts"]["faces"] == shell.mesh.n_faces
     write_mesh(CUBE, tmp_path / "cube.off")  # its offsets outwards have no limit
     result = run("inspect", tmp_path / "cube.off", tmp_path / "cube.off", "--gauss", "--json")

@@ -238,6 +238,7 @@ def _hold(stack: Workplane, tag: str, shape: Shape) -> None:
     held = type(stack)(stack.plane, obj=shape)
     held.parent, held.ctx = stack, stack.ctx
     held.tag(tag)
+    held.tag(tag.replace("_", "-"))
 
 
 def _index(parts: Parts) -> dict[Any, Known]:

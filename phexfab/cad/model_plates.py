@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -19,6 +20,7 @@ from phexfab.cad.triangles import Body
 from phexfab.errors import PartError
 from phexfab.fabrication.marking import EDGE_CLEARANCE, marking
 from phexfab.fabrication.parts import EdgeNote, FlatPart, Panel
+from phexfab.whole import whole
 
 FloatArray = NDArray[np.float64]
 
@@ -42,11 +44,14 @@ class Plate:
         Named by their marks, lying on the bed, in mm.
     unmarked : tuple of str
         Panels with no room for their mark; it is their name all the same.
+    rows : tuple of int
+        For each panel the row on the bed, from 1 at the front.
     """
 
     number: int
     panels: tuple[Body, ...]
     unmarked: tuple[str, ...]
+    rows: tuple[int, ...]
 
 
 def panel_plates(panels: Sequence[Panel], spec: ScaleModel, scale: float) -> tuple[Plate, ...]:
@@ -73,6 +78,8 @@ def panel_plates(panels: Sequence[Panel], spec: ScaleModel, scale: float) -> tup
     plates: list[Plate] = []
     bodies: list[Body] = []
     bare: list[str] = []
+    rows: list[int] = []
+    row = 1
     x = y = depth = _MARGIN  # where the next panel goes, and where its row ends
     for panel in panels:
         flat = _small(panel.flat, scale, spec.wall)
@@ -80,17 +87,38 @@ def panel_plates(panels: Sequence[Panel], spec: ScaleModel, scale: float) -> tup
         points = _turned_to_fit(points, spec, scale, flat.mark)
         width, height, _ = np.ptp(points, axis=0)
         if x + width > spec.bed[0] - _MARGIN:
-            x, y = _MARGIN, depth + _SPACING
+            x, y, row = _MARGIN, depth + _SPACING, row + 1
         if y + height > spec.bed[1] - _MARGIN:
-            plates.append(Plate(len(plates) + 1, tuple(bodies), tuple(bare)))
-            bodies, bare = [], []
+            plates.append(Plate(len(plates) + 1, tuple(bodies), tuple(bare), tuple(rows)))
+            bodies, bare, rows, row = [], [], [], 1
             x = y = depth = _MARGIN
         corner = np.append(points[:, :2].min(axis=0), 0.0)
         bodies.append(snapped(flat.mark, points - corner + [x, y, 0.0], triangles))
+        rows.append(row)
         if not marked:
             bare.append(flat.mark)
         x, depth = x + width + _SPACING, max(depth, y + height)
-    return (*plates, Plate(len(plates) + 1, tuple(bodies), tuple(bare)))
+    return (*plates, Plate(len(plates) + 1, tuple(bodies), tuple(bare), tuple(rows)))
+
+
+def write_listing(plates: Sequence[Plate], path: str | Path) -> None:
+    """Write where on which plate every panel lies, as a table: for those too small for a mark.
+
+    Columns: plate; row, from 1 at the front of the bed; place in the row, from 1 at the left;
+    mark; x and y of the middle in mm; whether the mark or its number is engraved.
+    """
+    lines = ["plate,row,place,mark,x,y,engraved"]
+    for plate in plates:
+        places: dict[int, int] = {}
+        for body, row in zip(plate.panels, plate.rows, strict=True):
+            places[row] = places.get(row, 0) + 1
+            x, y = (body.points.min(axis=0) + body.points.max(axis=0))[:2] / 2
+            engraved = "no" if body.mark in plate.unmarked else "yes"
+            lines.append(
+                f"{plate.number},{row},{places[row]},{body.mark},{x:.1f},{y:.1f},{engraved}"
+            )
+    with whole(path) as draft:
+        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _turned_to_fit(points: FloatArray, spec: ScaleModel, scale: float, mark: str) -> FloatArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,22 @@ STEP_UNITS = {
 }
 
 
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep the kernel from printing: what is wrong with a file is said once, by us."""
+    from OCP.Message import Message
+
+    messenger = Message.DefaultMessenger_s()
+    printers = list(messenger.Printers())
+    for printer in printers:
+        messenger.RemovePrinter(printer)
+    try:
+        yield
+    finally:
+        for printer in printers:
+            messenger.AddPrinter(printer)
+
+
 def read_shape(path: Path) -> tuple[TopoDS_Shape, str]:
     """Return all that a STEP or BREP file holds as one shape, and the unit that the file states.
 
@@ -61,8 +78,10 @@ def read_shape(path: Path) -> tuple[TopoDS_Shape, str]:
     from OCP.TColStd import TColStd_SequenceOfAsciiString
 
     reader = STEPControl_Reader()
-    if reader.ReadFile(str(path)) != IFSelect_RetDone:
-        raise DesignError(f"{path.name}: is no readable STEP file")
+    with _silent():
+        read = reader.ReadFile(str(path))
+    if read != IFSelect_RetDone:
+        raise DesignError(f"{path.name}: is no readable STEP file; export it anew, as AP214")
     lengths, angles, solid_angles = (TColStd_SequenceOfAsciiString() for _ in range(3))
     reader.FileUnits(lengths, angles, solid_angles)
     stated = lengths.Value(1).ToCString().upper() if lengths.Length() else ""

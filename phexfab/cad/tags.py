@@ -29,6 +29,11 @@ SQUARE = 1e-9
 """Degrees of bevel below which an edge is cut square."""
 
 
+def plain_tag(name: str) -> str:
+    """Return a tag as it is kept: ``mitre-1`` and ``mitre_1`` are the same."""
+    return name.replace("-", "_")
+
+
 def beams_below(parts: Parts) -> bool:
     """Return whether beams stand against the normals, below the panels; True without beams."""
     panels = {panel.mark: panel for panel in parts.panels}
@@ -59,7 +64,8 @@ def face_tags(part: Part, below: bool = True) -> Tags:
         ``left`` and ``right`` seen from the tips of the normals from their first node to their
         second; ``end_1``, ``to_N001`` and so on at the nodes; ``mitre_1 mitre_2`` left and right
         at the first node, ``mitre_3 mitre_4`` at the second, both on one face of an end that is
-        one plane. Nodes: ``side``. Letters, digits and ``_`` only, as in CadQuery's queries.
+        one plane. Nodes: ``side``. Letters, digits and ``_`` only, as in CadQuery's queries of
+        assemblies; ``-`` may stand for ``_`` everywhere else.
     """
     if isinstance(part, Node):
         return (("side",), ("top",), ("bottom",))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +26,16 @@ CODES = {
 }
 """Exit codes, as help and manual say them."""
 
+_ELSEWHERE = "; name another folder, or check its permissions"
+_REMEDIES = {
+    errno.EACCES: _ELSEWHERE,
+    errno.EPERM: _ELSEWHERE,
+    errno.EROFS: _ELSEWHERE,
+    errno.ENOENT: "; check the path",
+    errno.EEXIST: "; a part of the path is a file, name a folder",
+    errno.ENOTDIR: "; a part of the path is a file, name a folder",
+    errno.ENOSPC: "; make room, or name a folder elsewhere; what was there before is untouched",
+}
 _KEY = re.compile(r"(?P<key>[a-z_]+(?:\.[a-z_]+)+)(?: = (?P<value>.+?))?: (?P<text>.*)", re.DOTALL)
 _MARK = re.compile(r"\b[PBN]\d{3,}\b")
 
@@ -74,9 +85,8 @@ def failure(error: BaseException, source: str = "") -> Failure | None:
         return Failure(WRONG_INPUT, kind, message, source or None, _problems(error, name))
     if isinstance(error, OSError) and not isinstance(error, BrokenPipeError):
         file = None if error.filename is None else str(error.filename)
-        text = error.strerror or text
-        message = f"phexfab: {text}:" + (f" {file}" if file else "")
-        return Failure(BROKEN, kind, message, file, (_problem(text),))
+        text = (error.strerror or text) + _REMEDIES.get(error.errno or 0, "")
+        return Failure(BROKEN, kind, f"phexfab: {file or source}: {text}", file, (_problem(text),))
     return None
 
 

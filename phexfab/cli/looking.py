@@ -108,8 +108,7 @@ def inspect(
             from phexfab.cli.tables import show_inspection
 
             show_inspection(found)
-        if voice.json:
-            typer.echo(found.to_json(), nl=False)
+        voice.answer({"exit_code": 0, **reader.loads(found.to_json())})
 
 
 def surfaces(json: Json = False) -> None:

@@ -29,6 +29,12 @@ LARGEST = 800.0
 STOCKS = ((3000, 1500), (4000, 2050), (6000, 3210))
 """mm, usual sheets."""
 TRIES = (1.0, 0.85, 0.7, 0.93, 0.78)
+BORDERS = (
+    'border = "keep"  # "drop" leaves the outermost faces out',
+    'border = "drop"  # the outermost faces are left out: no planes were found to trim them with',
+)
+SMALL = 10.0
+"""Polygons that are smaller than so many mm are taken to be in metres."""
 """Sizes over the first one: where a rim or a border meets a lattice badly, another will do."""
 _STEPS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 _FINE = (*np.arange(1.0, 2.0, 0.1), *np.arange(2.0, 5.0, 0.2), *np.arange(5.0, 10.0, 0.5))
@@ -79,9 +85,12 @@ def starter(
     lines, about, area = _source(origin, target)
     wished = min(math.sqrt(area / (0.866 * PANELS)), LARGEST)
     sizes = [panel_size] if panel_size else [_round(wished * factor, _FINE) for factor in TRIES]
+    tries = [(lines, size) for size in sizes]
+    if origin.method == "planarise":  # the panels are there: only their border can be had otherwise
+        tries = [([*lines, border], sizes[0]) for border in BORDERS]
     made: list[tuple[str, Build]] = []
     wrong: PhexError | None = None
-    for size in sizes:
+    for lines, size in tries:
         words = _words(origin, target, lines, about, size)
         try:
             built = build(parse_design(_text(words, STOCKS[-1]), source=str(target)), progress)
@@ -117,7 +126,8 @@ def _words(
         "width": _part(size / 80),
         "height": _part(size / 10),
         "edge": _part(min(20.0, size / 20)),
-        "off": _part(max(25.0, size / 12)),
+        # A mesh from elsewhere may be far from planar: its vertices move as far as they must.
+        "off": _part(max(25.0, size / (3 if origin.method == "planarise" else 12))),
         "rim": _part(max(25.0, size / (4 if origin.periodic else 8))),
         "mass": "60" if size < 500 else "100",
     }
@@ -184,6 +194,11 @@ def _given(origin: Origin, target: Path) -> tuple[list[str], str, float]:
         area = _step_area(path)
     else:
         area = _cells(path) if origin.method == "planarise" else _mesh_area(path)
+        if origin.method == "planarise" and area < PANELS * SMALL**2:
+            lines.append(
+                'unit = "m"  # of the mesh: its polygons are some millimetres wide without'
+            )
+            area *= 1e6
     lines += ["", "[mesh]", f'method = "{origin.method}"  # how planar hexagons are found']
     return lines, f"the surface {path.name} in planar hexagons", area
 

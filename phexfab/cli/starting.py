@@ -133,6 +133,10 @@ def new(
             surface, tuple(rim or ()), mesh, step, periodic, method or ("dupin" if step else None)
         )
         size = None if panel_size is None else quantity(panel_size, "length")
+        if size is not None and not size > 0:
+            raise typer.BadParameter(
+                f"{panel_size} is no size; write for example 450 or 45cm", param_hint="--panel-size"
+            )
         with voice.progress() as report:
             text, built = starter(origin, target, size, report)
         files = {target: text, target.with_name(FILE): schema_text()}
@@ -163,17 +167,20 @@ def schema(
             "-o", "--output", metavar="FILE", help="Write it to a file.", show_default=False
         ),
     ] = None,
+    json: Json = False,
 ) -> None:
     """Print the JSON Schema of design files, for completion in editors."""
-    with answered(Voice()):
+    voice = Voice(json)
+    with answered(voice):
         from phexfab.schema import schema_text
         from phexfab.whole import whole
 
-        if output is None:
+        if output is None:  # which is JSON in any case
             typer.echo(schema_text(), nl=False)
             return
         with whole(output) as draft:
             draft.write_text(schema_text(), encoding="utf-8")
+        voice.answer({"exit_code": 0, "schema": output})
 
 
 def view(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib import metadata
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from phexfab.cad.brep import verify_solids
 from phexfab.delivery.formats import FORMATS
 from phexfab.delivery.job import LAYOUT, Job, Progress
-from phexfab.delivery.swap import DESKTOP_FILES, swap
+from phexfab.delivery.swap import DESKTOP_FILES, swap, workshop
 from phexfab.errors import DesignError, PartError
 from phexfab.fabrication.bom import bom_rows, write_bom
 from phexfab.fabrication.checks import measure
@@ -44,12 +43,11 @@ def deliver(built: Build, directory: Path, say: Progress) -> Path:
     """
     target = directory.absolute()
     _refuse_foreign(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as made:
-        fresh = Path(made) / target.name
+    with workshop(target.parent, f".{target.name}-") as made:
+        fresh = made / target.name
         fresh.mkdir()
         _write_all(Job(built, target, say), fresh)
-        swap(fresh, target, Path(made) / "old")
+        swap(fresh, target, made / "old")
     return directory
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -13,13 +12,14 @@ from typing import TYPE_CHECKING
 from phexfab.cad.coloured_mesh import Measured, write_coloured_obj, write_ply
 from phexfab.cad.glb import write_glb
 from phexfab.cad.ifc import write_ifc
+from phexfab.cad.model_plates import write_listing
 from phexfab.cad.scale_model import ScaleModel
 from phexfab.cad.step import write_step
 from phexfab.cad.stl import write_stl
 from phexfab.cad.three_mf import write_3mf
 from phexfab.cad.triangles import Body
 from phexfab.delivery.job import Job, Progress
-from phexfab.delivery.swap import DESKTOP_FILES, swap
+from phexfab.delivery.swap import DESKTOP_FILES, swap, workshop
 from phexfab.errors import DesignError
 from phexfab.fabrication.parts import FAMILY_COLOURS
 from phexfab.mesh.measures import planarity
@@ -28,6 +28,9 @@ from phexfab.report.scene import Layer, mesh_layer
 
 if TYPE_CHECKING:
     from phexfab.pipeline import Build
+
+
+LISTING = "plates.csv"
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,15 @@ class Format:
     suffixes : tuple of str
     beside : tuple of str
         Files that come with it.
+    inside : tuple of str
+        Files of other kinds in its folder.
     """
 
     name: str
     write: Callable[[Job, Path], object]
     suffixes: tuple[str, ...]
     beside: tuple[str, ...] = ()
+    inside: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,6 +110,7 @@ def _write_model(job: Job, path: Path, ending: str) -> None:
     for plate in job.plates:
         what = f"plate {plate.number} of {len(job.plates)}"
         write(plate.panels, path / f"plate-{plate.number:0{width}d}{ending}", what)
+    write_listing(job.plates, path / LISTING)
 
 
 FORMATS = {
@@ -127,8 +134,18 @@ FORMATS = {
         lambda job, path: write_ifc(job.built.parts, path, job.header),
         (".ifc",),
     ),
-    "3mf": Format("model-3mf", lambda job, path: _write_model(job, path, ".3mf"), (".3mf",)),
-    "stl": Format("model-stl", lambda job, path: _write_model(job, path, ".stl"), (".stl",)),
+    "3mf": Format(
+        "model-3mf",
+        lambda job, path: _write_model(job, path, ".3mf"),
+        (".3mf",),
+        inside=(LISTING,),
+    ),
+    "stl": Format(
+        "model-stl",
+        lambda job, path: _write_model(job, path, ".stl"),
+        (".stl",),
+        inside=(LISTING,),
+    ),
     "obj": Format("curvature.obj", _write_obj, (".obj",), ("curvature.mtl",)),
     "ply": Format("curvature.ply", _write_ply, (".ply",)),
     "dxf": Format(
@@ -183,10 +200,9 @@ def export(
             )
         folder = target.parent
     job = Job(built, folder, progress or (lambda *_: None), model)
-    folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
-    with tempfile.TemporaryDirectory(prefix=".phexfab-", dir=folder) as made:
-        fresh = Path(made) / "fresh"
+    with workshop(folder, ".phexfab-") as made:
+        fresh = made / "fresh"
         fresh.mkdir()
         for key in wanted:
             name = target.name if single else FORMATS[key].name
@@ -195,7 +211,7 @@ def export(
             job.say(key, 0, 0)
             FORMATS[key].write(job, fresh / name)
         for path in sorted(fresh.iterdir()):
-            swap(path, folder / path.name, Path(made) / f"old-{path.name}")
+            swap(path, folder / path.name, made / f"old-{path.name}")
             written.append(folder / path.name)
     return tuple(written)
 
@@ -203,7 +219,8 @@ def export(
 def _refuse_others(folder: Path, kind: Format) -> None:
     """Refuse to replace a folder of files that are not of the format."""
     for path in sorted(folder.iterdir()):
-        if path.suffix not in kind.suffixes and path.name not in DESKTOP_FILES:
+        known = path.suffix in kind.suffixes or path.name in (*kind.inside, *DESKTOP_FILES)
+        if not known:
             raise DesignError(
                 f"{folder} holds {path.name}, and an export replaces the whole folder; move it, "
                 "or export to another folder"

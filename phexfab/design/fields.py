@@ -122,7 +122,7 @@ def _is_loop(value: object) -> bool:
     )
 
 
-_POINTS = {
+POINTS = {
     "type": "array",
     "items": {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
     "minItems": 1,
@@ -148,8 +148,8 @@ Rims = Annotated[
             "anyOf": [
                 {"type": "string"},
                 {"type": "array", "items": {"type": "string"}, "minItems": 1},
-                _POINTS,
-                {"type": "array", "items": _POINTS, "minItems": 1},
+                POINTS,
+                {"type": "array", "items": POINTS, "minItems": 1},
             ]
         }
     ),

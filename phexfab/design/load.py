@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from phexfab.design.mesh_rules import with_methods
 from phexfab.design.messages import located, message, problems
 from phexfab.design.model import Design, Section
 from phexfab.design.rules import Problem, broken_rules
@@ -129,8 +130,25 @@ def make_design(data: Mapping[str, Any], source: str = "design", text: str = "")
         raise DesignError(message(source, wrong), wrong) from None
 
 
+def file_of(design: Design, key: str, path: str) -> Path:
+    """Return the file that a key of a design names, seen from the design's folder.
+
+    Raises
+    ------
+    DesignError
+        If there is no such file.
+    """
+    found = Path(os.path.dirname(design.source)) / path
+    if not found.is_file():
+        raise DesignError(
+            f'{key} = "{path}": there is no such file; paths start at the folder of the design file'
+        )
+    return found
+
+
 def _rules_of_good_tables(data: Mapping[str, Any]) -> list[Problem]:
     good: dict[str, Any] = {}
+    data = with_methods(data)
     for name, field in Design.model_fields.items():
         kind = field.annotation
         if not (isinstance(kind, type) and issubclass(kind, Section)):
@@ -159,8 +177,21 @@ def _no_toml(source: str, text: str, detail: str) -> DesignError:
     number = int(at[1]) if at else len(lines)
     shown = lines[number - 1].strip() if 0 < number <= len(lines) else ""
     reason = re.sub(r"\s*\(at [^)]*\)", "", detail)
-    hint = 'text and numbers with a unit stand in quotes, for example thickness = "8 mm"'
+    hint = _hint(reason, shown)
     return DesignError(
         f"{source}: line {number} is not TOML: {reason}\n  {shown}\n  {hint}",
         [Problem("", f"not TOML: {reason}", hint, shown, number)],
     )
+
+
+def _hint(reason: str, shown: str) -> str:
+    """Return what to write instead of a line that is not TOML."""
+    if "twice" in reason or "overwrite" in reason:
+        return "each table and each key stands in the file once: put this together with the other"
+    if re.search("[“”„‘’]", shown):
+        return "quotes are straight: \" or '"
+    if "Expected '='" in reason:
+        return "write key = value; keys have no spaces, and a comment begins with #"
+    if shown.startswith("[") and not shown.endswith("]"):
+        return "write a table as [name], on a line of its own"
+    return 'text and numbers with a unit stand in quotes, for example thickness = "8 mm"'

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from phexfab.design.fields import Distance, Point, Ratio, Section, otherwise
+from phexfab.design.fields import POINTS, Distance, Point, Ratio, Section, otherwise
 from phexfab.design.units import quantity
 from phexfab.errors import DesignError
 
@@ -24,7 +24,32 @@ def _point(value: object) -> object:
     return tuple(quantity(number, "number") for number in value)
 
 
+def _fixed(value: object) -> object:
+    """Take ``"corners"``, ``"border"`` or points; vertices have no numbers that last."""
+    if value is None or value in _NAMED:
+        return value
+    wanted = 'write "corners", "border" or points [[0, 0, 3000], …]'
+    if isinstance(value, str):
+        raise DesignError(f'"{value}" are no vertices; {wanted}')
+    if not isinstance(value, list | tuple) or not value:
+        raise DesignError(f"vertices or their places are needed; {wanted}")
+    if all(isinstance(item, int | float) for item in value):
+        raise DesignError(
+            "vertices have places here, not numbers, which change as soon as a mesh is welded; "
+            f"{wanted}"
+        )
+    if not all(isinstance(item, list | tuple) and len(item) == 3 for item in value):
+        raise DesignError(f"a point has three coordinates; {wanted}")
+    return tuple(tuple(quantity(number, "number") for number in point) for point in value)
+
+
+_NAMED = ("corners", "border")
 Place = Annotated[Point | None, BeforeValidator(_point)]
+Fixed = Annotated[
+    Literal["corners", "border"] | tuple[Point, ...] | None,
+    BeforeValidator(_fixed),
+    WithJsonSchema({"anyOf": [{"type": "string", "enum": list(_NAMED)}, POINTS]}),
+]
 
 
 class Mesh(Section):
@@ -57,12 +82,26 @@ class Mesh(Section):
         "error that names it, `drop` leaves it out",
         examples=['"refuse"', '"drop"'],
     )
-    closeness: Ratio = Field(
-        default=0.0,
+    closeness: Ratio | None = Field(
+        default=None,
         description="with `dupin`, `conjugate`: what a square distance from the surface costs, "
-        "over a "
-        "square motion along it",
+        "over a square motion along it; with `planarise` and `reference` likewise from that",
         examples=["1"],
+        json_schema_extra=otherwise("0; with `reference` 100"),
+    )
+    reference: str | None = Field(
+        default=None,
+        description="with `planarise`: the file of a surface that panels keep close to: STEP or "
+        "BREP, all its faces, or a mesh (OBJ, OFF, PLY, STL or COMPAS JSON) in the unit of "
+        "`surface.mesh`",
+        examples=['"roof.step"'],
+    )
+    fixed: Fixed = Field(
+        default=None,
+        description="with `planarise`: vertices that keep their place: the border's `corners`, all "
+        "of the `border`, or those at points [[x, y, z], …] in the unit of `surface.mesh`, within "
+        "2 % of an edge",
+        examples=['"corners"', "[[0, 0, 3000], [6000, 0, 2400]]"],
     )
     border: Literal["keep", "drop"] = Field(
         default="keep",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from phexfab.design.problem import Problem
 
@@ -14,7 +14,9 @@ METHODS: dict[str, tuple[str, ...]] = {  # keys that mean something with some me
     "mesh.conjugation": ("dupin", "tangent"),
     "mesh.toward": ("dupin", "tangent", "conjugate"),
     "mesh.crossing": ("dupin", "tangent", "conjugate"),
-    "mesh.closeness": ("dupin", "conjugate"),
+    "mesh.closeness": ("dupin", "conjugate", "planarise"),
+    "mesh.reference": ("planarise",),
+    "mesh.fixed": ("planarise",),
     "mesh.border": ("planarise", "dupin", "conjugate"),
     "mesh.weld": ("planarise",),
     "mesh.centre": ("duality",),
@@ -29,6 +31,26 @@ METHODS: dict[str, tuple[str, ...]] = {  # keys that mean something with some me
     "border.sliver": (),
     "border.sliver_width": (),
 }
+
+WITH_METHODS: dict[str, dict[str, object]] = {
+    # The only offsets that there are; and along parabolic curves neighbouring planes nearly
+    # coincide, so that rounding shows in the direction of their edge.
+    "offset": {"type": "face"},
+    "checks": {"parallelism": 1e-9},
+}
+"""What keys mean that are left out, in a design with a ``mesh.method``."""
+
+
+def with_methods(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a design, with what a method of ``[mesh]`` makes of keys left out."""
+    out, mesh = dict(data), data.get("mesh")
+    if not isinstance(mesh, Mapping) or mesh.get("method") is None:
+        return out
+    for table, keys in WITH_METHODS.items():
+        given = out.get(table, {})
+        if isinstance(given, Mapping):
+            out[table] = {**keys, **given}
+    return out
 
 
 def free_form(
@@ -73,6 +95,12 @@ def free_form(
             "mesh.start",
             "moving planes parallel to themselves begins with a planar hexagon mesh",
             'add start = "hexagons.obj"',
+        )
+    if method == "planarise" and mesh.closeness is not None and mesh.reference is None:
+        yield Problem(
+            "mesh.closeness",
+            "says how close panels keep to mesh.reference, which is missing",
+            'add reference = "roof.step", or leave it out',
         )
     tables = {"mesh": mesh, "lattice": lattice, "border": border}
     for key, methods in METHODS.items():

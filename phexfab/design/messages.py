@@ -110,6 +110,12 @@ def located(found: Iterable[Problem], data: Mapping[str, Any], text: str) -> lis
     end = len(text.splitlines()) + 1
     placed = []
     for problem in sorted(found, key=lambda problem: _line(problem.key, lines) or end):
+        key, _, item = problem.key.rpartition(".")
+        if item.isdigit() and isinstance(inside := lookup(data, key.split(".")), list | tuple):
+            if int(item) < len(inside):  # of several values the wrong one is named
+                said = f"{toml_value(inside[int(item)])}: {problem.text}"
+                problem = replace(problem, text=said)
+            problem = replace(problem, key=key)
         value = lookup(data, problem.key.split("."))
         if value is not _ABSENT:
             problem = replace(problem, value=value, line=lines.get(problem.key))

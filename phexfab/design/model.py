@@ -7,6 +7,7 @@ keys are in ``rules``.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any, Literal
@@ -35,6 +36,7 @@ from phexfab.design.fields import (
 )
 from phexfab.design.materials import MATERIALS, known_density
 from phexfab.design.mesh_method import Mesh
+from phexfab.design.mesh_rules import with_methods
 from phexfab.design.output import Output
 from phexfab.design.rules import RuleBreach, broken_rules
 from phexfab.design.surface import Border, Surface
@@ -56,9 +58,11 @@ class _Made(Section):
             return 1.0
         density = known_density(name)
         if density is None:
+            near = difflib.get_close_matches(name.lower(), [m.lower() for m in MATERIALS], 1, 0.7)
+            hint = f'did you mean material = "{near[0]}"? ' if near else ""
             raise DesignError(
-                f'the density of "{name}" is not known; add density = … in kg/m3, or take one of '
-                + ", ".join(MATERIALS)
+                f'the density of "{name}" is not known; {hint}add density = … in kg/m3, or take '
+                f"one of {', '.join(MATERIALS)}"
             )
         return density
 
@@ -116,7 +120,7 @@ class Offset(Section):
         default="edge",
         description="`face`: distance of face planes (double skins); `edge`: distance of edges "
         "(beams of one height meet evenly); `vertex`: distance of vertices (connectors of one "
-        "length)",
+        "length); with `mesh.method` it is `face` by itself",
         examples=['"face"', '"edge"', '"vertex"'],
     )
     distance: Length | None = Field(
@@ -294,6 +298,11 @@ class Design(Section):
 
     _source: str = PrivateAttr("")
     _text: str = PrivateAttr("")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults_of_methods(cls, data: Any) -> Any:
+        return with_methods(data) if isinstance(data, Mapping) else data
 
     @model_validator(mode="after")
     def _rules(self) -> Design:

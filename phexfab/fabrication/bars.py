@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phexfab.errors import DesignError
+from phexfab.errors import DesignError, PartError
 from phexfab.fabrication.frames import EdgeFrames, edge_frames
+from phexfab.fabrication.marks import beam_marks, panel_marks
 from phexfab.fabrication.panels import PanelSpec
 from phexfab.fabrication.parts import Material
 from phexfab.parallel.shell import Shell
@@ -25,6 +26,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 ENDS = ("mitred", "hub")
+UPRIGHT = 1e-3  # cosine between a panel's normal and a node plane down to which bars can stand
 COPLANAR = 1e-9  # radians: two end faces this close to one plane are made one face
 
 
@@ -102,6 +104,12 @@ def beam_drop(shell: Shell, spec: BeamSpec, panel: PanelSpec) -> float:
     spec : BeamSpec
     panel : PanelSpec
 
+    Raises
+    ------
+    PartError
+        If an edge has no length or no node plane, or that plane lies in a panel; the message names
+        the place or the parts.
+
     Notes
     -----
     In the cross-section of an edge (x to the left, z up in the node plane, the edge of M at 0) the
@@ -117,13 +125,26 @@ def beam_drop(shell: Shell, spec: BeamSpec, panel: PanelSpec) -> float:
     under = panel.levels[0] if side < 0.0 else -panel.levels[1]  # of the panel's underside, <= 0
     deepest = np.zeros(len(edges))
     for column, lateral in ((2, 1.0), (3, -1.0)):
-        there = edges[:, column] >= 0
-        normal = shell.normals[shell.panels[np.maximum(edges[:, column], 0)]]
-        across = lateral * np.einsum("ij,ij->i", normal, frames.left)
-        upward = np.einsum("ij,ij->i", normal, frames.up)
+        beside = np.flatnonzero(edges[:, column] >= 0)  # border edges have a panel on one side
+        normal = shell.normals[shell.panels[edges[beside, column]]]
+        across = lateral * np.einsum("ij,ij->i", normal, frames.left[beside])
+        upward = np.einsum("ij,ij->i", normal, frames.up[beside])
+        _refuse_lying(shell, beside, column, upward)
         drop = (-under + np.maximum(-side * across, 0.0) * spec.width / 2.0) / upward
-        deepest = np.where(there, np.maximum(deepest, drop), deepest)
+        deepest[beside] = np.maximum(deepest[beside], drop)
     return float(np.max((deepest + spec.seat) / frames.distance))
+
+
+def _refuse_lying(shell: Shell, edges: IntArray, column: int, upward: FloatArray) -> None:
+    """Raise PartError where a bar would lie in the plane of a panel beside it, or beyond."""
+    if len(upward) and not upward.min() > UPRIGHT:
+        worst = int(upward.argmin())
+        edge, lean = int(edges[worst]), np.degrees(np.arccos(np.clip(upward[worst], -1.0, 1.0)))
+        raise PartError(
+            f"beam {beam_marks(shell)[edge]} would lie in panel "
+            f"{panel_marks(shell)[shell.edges[edge, column]]}, whose normal leans {lean:.1f}° off "
+            'the beam; choose another lattice.panel_size, or border.panels = "whole"'
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -219,13 +219,22 @@ def _outlines(bars: Bars, spec: BeamSpec) -> FloatArray:
     return np.stack([x, y], axis=2)
 
 
-def _refuse_crossed(bars: Bars, spec: BeamSpec, names: tuple[str, ...]) -> None:
-    """Raise PartError if any of the lines along a bar has no length left."""
+def spare_lengths(bars: Bars) -> tuple[FloatArray, FloatArray]:
+    """Return what the ends of every bar leave of its shortest line, and its length at the top.
+
+    Both are (E,) mm. A bar with nothing left has no solid.
+    """
     top = bars.length
     bottom = top + bars.run[:, 1] - bars.run[:, 0]
     cuts = np.stack([bars.ends.cut_left, np.zeros_like(bars.ends.cut_left), bars.ends.cut_right])
-    used = cuts.sum(axis=2).max(axis=0)
-    rest = np.minimum(top, bottom) - used
+    return np.minimum(top, bottom) - cuts.sum(axis=2).max(axis=0), top
+
+
+def _refuse_crossed(bars: Bars, spec: BeamSpec, names: tuple[str, ...]) -> None:
+    """Raise PartError if any of the lines along a bar has no length left."""
+    rest, top = spare_lengths(bars)
+    bottom = top + bars.run[:, 1] - bars.run[:, 0]
+    used = np.minimum(top, bottom) - rest
     worst = int(np.argmin(rest))
     if rest[worst] <= 0.0:
         reason, remedy = (

@@ -12,10 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from phexfab.errors import PartError
+from phexfab.parallel.border import place
 from phexfab.parallel.shell import Shell
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+COLLAPSED = 1e-9
+"""Length of an edge, over the mean of all, up to which it has no direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +56,12 @@ def edge_frames(shell: Shell, tail: IntArray, head: IntArray) -> EdgeFrames:
     The frame of a reversed edge has the same ``up`` and exactly the opposite ``along`` and
     ``left``, so two panels that share an edge end on exactly parallel planes.
 
+    Raises
+    ------
+    PartError
+        If an edge has no length, or the node axes at its ends lie along it, so that there is no
+        node plane; the message names the place.
+
     References
     ----------
     Thesis §4.2; Pottmann et al. 2007, sec. 3.
@@ -58,9 +69,21 @@ def edge_frames(shell: Shell, tail: IntArray, head: IntArray) -> EdgeFrames:
     m, s = shell.mesh.vertices, shell.gauss.vertices
     edge = m[head] - m[tail]
     length = np.linalg.norm(edge, axis=1)
+    _require(length > COLLAPSED * length.mean(), m[tail], "has no length")
     along = edge / length[:, None]
     middle = (s[tail] + s[head]) / 2.0
     up = middle - np.einsum("ij,ij->i", middle, along)[:, None] * along
     distance = np.linalg.norm(up, axis=1)
+    axis = np.linalg.norm(middle, axis=1)
+    _require(distance > COLLAPSED * axis, m[tail], "runs along the node axes at its ends")
     up = up / distance[:, None]
     return EdgeFrames(along, np.cross(up, along), up, distance, length)
+
+
+def _require(good: NDArray[np.bool_], places: FloatArray, fault: str) -> None:
+    """Raise PartError for the first edge that is not good."""
+    if len(good) and not good.all():
+        raise PartError(
+            f"an edge of the shell at {place(places[int(good.argmin())])} {fault}: no panel or bar "
+            'ends there; choose another lattice.panel_size, or border.panels = "whole"'
+        )

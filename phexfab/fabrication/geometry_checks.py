@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.errors import MeshError
-from phexfab.fabrication.limits import Limits, verdict
+from phexfab.fabrication.limits import Limits, Origin, verdict
 from phexfab.fabrication.marks import beam_marks, node_marks, panel_marks
 from phexfab.fabrication.parts import CheckResult
 from phexfab.mesh.measures import (
@@ -41,6 +42,7 @@ def check_geometry(
     offset_distance: float | None = None,
     rim_distance: float | None = None,
     minimal: bool = True,
+    origin: Origin = "lattice",
 ) -> list[CheckResult]:
     """Return the checks of a shell, each with its worst face, edge or vertex.
 
@@ -56,6 +58,9 @@ def check_geometry(
         Largest distance between a given rim and the border.
     minimal : bool
         Whether the shell is to be minimal; False leaves that check out.
+    origin : ``"lattice"``, ``"given"`` or ``"covered"``
+        What the panels come from: a lattice on a minimal surface, a mesh that was given, or a
+        method that covers a free-form surface. Remedies are for that.
 
     Raises
     ------
@@ -84,6 +89,7 @@ def check_geometry(
     beam_angle ok
     """
     limits = limits or Limits()
+    judge = partial(verdict, origin=origin)
     mesh = shell.mesh
     if not mesh.n_faces:
         raise MeshError("the shell has no panel; choose smaller panels or a larger rectangle")
@@ -99,46 +105,46 @@ def check_geometry(
     bad, off_plane = bad_faces(shell), planarity(mesh)
     lengths, ends = edge_lengths(shell), shell.edges[:, :2]
     torsion = node_axis_torsion(shell)
-    curved = [verdict("minimality", limits, minimality(shell), faces)] if minimal else []
+    curved = [judge("minimality", limits, minimality(shell), faces)] if minimal else []
     results = [
-        verdict("planarity", limits, off_plane / mean_edge(mesh), faces),
-        verdict("planarity_mm", limits, off_plane, faces),
-        verdict("parallelism", limits, parallelism(shell), beams),
+        judge("planarity", limits, off_plane / mean_edge(mesh), faces),
+        judge("planarity_mm", limits, off_plane, faces),
+        judge("parallelism", limits, parallelism(shell), beams),
         *curved,
-        verdict("offset_constancy", limits, offset_defect(shell)[keeps], by_kind),
-        verdict(
+        judge("offset_constancy", limits, offset_defect(shell)[keeps], by_kind),
+        judge(
             "node_axis_torsion",
             limits,
             torsion.ravel(),
             [nodes[v] for v in ends.ravel().tolist()],
             f"at beam {beams[int(np.argmax(torsion.max(axis=1)))]}",
         ),
-        verdict(
+        judge(
             "simple_faces",
             limits,
             np.array([float(bad.sum())]),
             [faces[int(bad.argmax())] if bad.any() else ""],
         ),
-        verdict("shortest_edge", limits, lengths, beams),
+        judge("shortest_edge", limits, lengths, beams),
     ]
     angles, at_rim = beam_angles(shell), shell.rim_vertices
     for name, kept in (("beam_angle", ~at_rim), ("rim_beam_angle", at_rim)):
         if kept.any():
-            results.append(verdict(name, limits, angles[kept], _those(nodes, kept)))
+            results.append(judge(name, limits, angles[kept], _those(nodes, kept)))
     if offset_distance:
         spread = offset_spread(shell, offset_distance)[keeps]
-        results.append(verdict("offset_spread", limits, spread, by_kind))
+        results.append(judge("offset_spread", limits, spread, by_kind))
         share = offset_shares(shell, offset_distance)
-        results.append(verdict("offset_interval", limits, share, beams))
+        results.append(judge("offset_interval", limits, share, beams))
     if surface_distance is not None:
         distance = np.asarray(surface_distance, float).ravel()
         if len(distance) != len(nodes):
             raise MeshError(
                 f"surface_distance has {len(distance)} values, the shell {len(nodes)} vertices"
             )
-        results.append(verdict("surface_distance", limits, np.abs(distance), nodes))
+        results.append(judge("surface_distance", limits, np.abs(distance), nodes))
     if rim_distance is not None:
-        results.append(verdict("rim_distance", limits, np.array([rim_distance]), [""]))
+        results.append(judge("rim_distance", limits, np.array([rim_distance]), [""]))
     return results
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from phexfab.errors import DesignError
 from phexfab.fabrication.parts import CheckResult
 
 FloatArray = NDArray[np.float64]
+Origin = Literal["lattice", "given", "covered"]
+"""What a shell's panels come from: a lattice on a minimal surface, a mesh that was given, or a
+method that covers a free-form surface."""
 
 
 @dataclass(frozen=True)
@@ -105,44 +109,83 @@ class Limits:
 
 @dataclass(frozen=True)
 class CheckKind:
-    """What one check measures, in which unit and sense, and the remedy when it fails."""
+    """What one check measures, in which unit and sense, and the remedy when it fails.
+
+    ``of_given`` is the remedy for a mesh that somebody gave, and ``of_covered`` for hexagons that
+    cover a free-form surface, where what helps a lattice on a minimal surface does not exist.
+    """
 
     unit: str
     sense: str
     measured: str
     remedy: str
+    of_given: str = ""
+    of_covered: str = ""
+
+    def remedy_for(self, origin: Origin) -> str:
+        """Return what helps a shell whose panels come from there."""
+        own = {"lattice": "", "given": self.of_given, "covered": self.of_covered}[origin]
+        return own or self.remedy
 
 
-_LATTICE = "choose larger panels, another row ratio, or a rectangle farther from strong curvature"
+_LATTICE = (
+    "choose larger panels, another row ratio, or a rectangle farther from strong curvature",
+    "draw the mesh near the part named with edges of even length that meet at about 120°, or leave "
+    'its outermost panels out (mesh.border = "drop")',
+    "choose larger panels, rows another way (mesh.toward), or another mesh.method",
+)
+_HUBS = tuple(f'{text}, or use hubs (nodes.kind and beams.ends = "hub")' for text in _LATTICE)
 _RIM = (
     "turn the rows (lattice.rows_along), change the panel size a little so that the rim meets "
-    "other edges, or choose border.direction"
+    "other edges, or choose border.direction",
 )
 _SOLVER = (
-    "the solve did not reach rounding: coarsen the lattice or shrink the rectangle of parameters"
+    "the solve did not reach rounding: coarsen the lattice or shrink the rectangle of parameters",
+    "rounding is too large at the part named: where neighbouring panels lie nearly in one plane, "
+    "join them or give the mesh more curvature; free vertices (mesh.fixed)",
+    "rounding is too large at the part named, where neighbouring panels lie nearly in one plane: "
+    "choose larger panels, or another mesh.method",
 )
+_SIZE = "split the panel in the mesh"
 
 KINDS: dict[str, CheckKind] = {
     "planarity": CheckKind(
-        "1", "<=", "corners off their face's plane, over the mean edge", _SOLVER
+        "1", "<=", "corners off their face's plane, over the mean edge", *_SOLVER
     ),
-    "planarity_mm": CheckKind("mm", "<=", "corners off their face's plane", _SOLVER),
-    "parallelism": CheckKind("1", "<=", "sine between edges of M and S", _SOLVER),
-    "minimality": CheckKind("1", "<=", "|H|/√|K| from the mixed areas", _SOLVER),
-    "offset_constancy": CheckKind("1", "<=", "Gauss image off the unit sphere", _SOLVER),
-    "offset_spread": CheckKind("1", "<=", "distance of the offset off constant, relative", _SOLVER),
+    "planarity_mm": CheckKind("mm", "<=", "corners off their face's plane", *_SOLVER),
+    "parallelism": CheckKind("1", "<=", "sine between edges of M and S", *_SOLVER),
+    "minimality": CheckKind("1", "<=", "|H|/√|K| from the mixed areas", _SOLVER[0]),
+    "offset_constancy": CheckKind("1", "<=", "Gauss image off the unit sphere", *_SOLVER),
+    "offset_spread": CheckKind(
+        "1", "<=", "distance of the offset off constant, relative", *_SOLVER
+    ),
     "offset_interval": CheckKind(
         "1",
         "<=",
         "share of the offset at which an edge vanishes",
         "make the offset smaller, put it on the other side, or make the panels larger",
+        "make the offset smaller, put it on the other side, or draw short edges of the mesh longer",
     ),
-    "node_axis_torsion": CheckKind("deg", "<=", "node axis off a beam's mid-plane", _SOLVER),
-    "simple_faces": CheckKind("1", "<=", "faces that cross themselves or lie inside out", _LATTICE),
-    "shortest_edge": CheckKind("mm", ">=", "shortest edge", _LATTICE),
-    "beam_angle": CheckKind("deg", ">=", "angle between beams at a node", _LATTICE),
+    "node_axis_torsion": CheckKind("deg", "<=", "node axis off a beam's mid-plane", *_SOLVER),
+    "simple_faces": CheckKind(
+        "1", "<=", "faces that cross themselves or lie inside out", *_LATTICE
+    ),
+    "shortest_edge": CheckKind(
+        "mm",
+        ">=",
+        "shortest edge",
+        _LATTICE[0],
+        "draw the edge longer in the mesh, or leave it out and move its panels apart",
+        _LATTICE[2],
+    ),
+    "beam_angle": CheckKind("deg", ">=", "angle between beams at a node", *_LATTICE),
     "surface_distance": CheckKind(
-        "mm", "<=", "vertices off the smooth surface", "choose smaller panels"
+        "mm",
+        "<=",
+        "vertices off the smooth surface",
+        "choose smaller panels",
+        "give a mesh that is more nearly planar, or raise mesh.closeness where there is a "
+        "mesh.reference",
     ),
     "rim_distance": CheckKind(
         "mm",
@@ -150,29 +193,34 @@ KINDS: dict[str, CheckKind] = {
         "border off the given rim",
         "choose smaller panels, a smaller border.sagitta, or a smaller border.sliver",
     ),
-    "sharpest_corner": CheckKind("deg", ">=", "sharpest corner of a cut contour", _LATTICE),
-    "mitre_angle": CheckKind(
-        "deg", "<=", "cut of a beam's end against square", _LATTICE + ", or use hubs at the nodes"
-    ),
-    "rim_corner": CheckKind("deg", ">=", "sharpest corner that the rim cuts", _RIM),
-    "rim_beam_angle": CheckKind("deg", ">=", "angle between beams at the rim", _RIM),
+    "sharpest_corner": CheckKind("deg", ">=", "sharpest corner of a cut contour", *_LATTICE),
+    "mitre_angle": CheckKind("deg", "<=", "cut of a beam's end against square", *_HUBS),
+    "rim_corner": CheckKind("deg", ">=", "sharpest corner that the rim cuts", *_RIM),
+    "rim_beam_angle": CheckKind("deg", ">=", "angle between beams at the rim", *_RIM),
     "rim_mitre": CheckKind(
-        "deg", "<=", "cut of a beam's end at the rim against square", _RIM + ", or use hubs"
+        "deg", "<=", "cut of a beam's end at the rim against square", _RIM[0] + ", or use hubs"
     ),
     "panel_fits_sheet": CheckKind(
         "mm",
         "<=",
         "largest blank beyond the usable sheet",
         "choose smaller panels, a larger stock sheet or a smaller margin",
+        f"{_SIZE}, or choose a larger stock sheet or a smaller margin",
     ),
     "beam_fits_sheet": CheckKind(
         "mm",
         "<=",
         "largest beam beyond the usable sheet",
         "choose smaller panels, lower beams, a larger stock sheet or a smaller margin",
+        "draw the edge shorter in the mesh, or choose lower beams, a larger stock sheet or a "
+        "smaller margin",
     ),
     "panel_mass": CheckKind(
-        "kg", "<=", "heaviest panel", "choose smaller or thinner panels, or a lighter material"
+        "kg",
+        "<=",
+        "heaviest panel",
+        "choose smaller or thinner panels, or a lighter material",
+        f"{_SIZE}, or choose thinner panels or a lighter material",
     ),
     "panel_clearance": CheckKind(
         "mm",
@@ -190,7 +238,12 @@ KINDS: dict[str, CheckKind] = {
 
 
 def verdict(
-    name: str, limits: Limits, values: FloatArray, marks: Sequence[str], detail: str = ""
+    name: str,
+    limits: Limits,
+    values: FloatArray,
+    marks: Sequence[str],
+    detail: str = "",
+    origin: Origin = "lattice",
 ) -> CheckResult:
     """Return the result of a check for its worst value; a value that is not a number is the worst.
 
@@ -206,10 +259,14 @@ def verdict(
         The part that each value belongs to.
     detail : str
         Put behind what was measured.
+    origin : ``"lattice"``, ``"given"`` or ``"covered"``
+        What the panels come from; the remedy is what helps there.
     """
     kind = KINDS[name]
     worst = int(np.argmax(values) if kind.sense == "<=" else np.argmin(values))
     value, limit = float(values[worst]), float(getattr(limits, name))
     note = f"{kind.measured}; {detail}" if detail else kind.measured
     result = CheckResult(name, value, limit, kind.unit, kind.sense, marks[worst], note)
-    return result if result.ok else replace(result, note=f"{note}. Remedy: {kind.remedy}")
+    if result.ok:
+        return result
+    return replace(result, note=f"{note}. Remedy: {kind.remedy_for(origin)}")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.fabrication.clash import clashes
 from phexfab.fabrication.clearance import clearances
-from phexfab.fabrication.limits import Limits, verdict
+from phexfab.fabrication.limits import Limits, Origin, verdict
 from phexfab.fabrication.parts import CheckResult, Cylinder, Panel, Parts, Solid, Stock
 from phexfab.mesh.measures import corner_angles
 from phexfab.mesh.polymesh import PolyMesh
@@ -25,6 +26,7 @@ def check_parts(
     limits: Limits | None = None,
     *,
     stocks: Mapping[str, Stock] | None = None,
+    origin: Origin = "lattice",
 ) -> list[CheckResult]:
     """Return the checks of all parts, each with the mark of the worst; families not made have none.
 
@@ -36,6 +38,9 @@ def check_parts(
     limits : Limits, optional
     stocks : mapping of ``"panels"`` and ``"beams"`` to Stock, optional
         The stock sheets that the blanks must fit.
+    origin : ``"lattice"``, ``"given"`` or ``"covered"``
+        What the panels come from: a lattice on a minimal surface, a mesh that was given, or a
+        method that covers a free-form surface. Remedies are for that.
 
     Raises
     ------
@@ -56,26 +61,27 @@ def check_parts(
     interpenetration 0 1 True
     """
     limits, stocks = limits or Limits(), stocks or {}
+    judge = partial(verdict, origin=origin)
     results = []
     panels, beams = parts.panels, parts.beams
     if panels:
         marks = [panel.mark for panel in panels]
         if "panels" in stocks:
             over = sheet_overhangs([panel.flat.blank for panel in panels], stocks["panels"])
-            results.append(verdict("panel_fits_sheet", limits, over, marks))
+            results.append(judge("panel_fits_sheet", limits, over, marks))
         mass = np.array([panel.mass for panel in panels])
-        results.append(verdict("panel_mass", limits, mass, marks))
+        results.append(judge("panel_mass", limits, mass, marks))
         corners, starts = contour_corners([panel.flat.outline for panel in panels])
         at_rim = rim_corners(panels, shell)
         for name, kept in (("sharpest_corner", ~at_rim), ("rim_corner", at_rim)):
             if kept.any():
                 sharpest = np.minimum.reduceat(np.where(kept, corners, 360.0), starts)
-                results.append(verdict(name, limits, sharpest, marks))
+                results.append(judge(name, limits, sharpest, marks))
         pairs = neighbour_pairs(panels, shell)
         if len(pairs):
             gaps = clearances([panel.solid for panel in panels], pairs)
             names = [f"{marks[i]}, {marks[j]}" for i, j in pairs.tolist()]
-            results.append(verdict("panel_clearance", limits, gaps, names))
+            results.append(judge("panel_clearance", limits, gaps, names))
     if beams:
         marks = [beam.mark for beam in beams]
         mitres = np.abs([beam.mitres for beam in beams]).max(axis=2)
@@ -83,10 +89,10 @@ def check_parts(
         for name, kept in (("mitre_angle", ~ends), ("rim_mitre", ends)):
             if kept.any():
                 worst = np.where(kept, mitres, 0.0).max(axis=1)
-                results.append(verdict(name, limits, worst, marks))
+                results.append(judge(name, limits, worst, marks))
         if "beams" in stocks:
             over = sheet_overhangs([beam.flat.blank for beam in beams], stocks["beams"])
-            results.append(verdict("beam_fits_sheet", limits, over, marks))
+            results.append(judge("beam_fits_sheet", limits, over, marks))
     if panels or beams or parts.nodes:
         results.append(_interpenetration(parts, limits))
     return results

@@ -160,6 +160,10 @@ class Panel:
     volume: float
     mass: float
 
+    def __repr__(self) -> str:
+        made = f"{self.flat.thickness:g} mm {self.flat.material.name}"
+        return f"<Panel {self.mark}: {made}, {self.area / 1e6:.3g} m², {self.mass:.3g} kg>"
+
 
 @dataclass(frozen=True, eq=False)
 class Beam:
@@ -201,6 +205,10 @@ class Beam:
     volume: float
     mass: float
 
+    def __repr__(self) -> str:
+        ends = "–".join(filter(None, self.nodes)) or "free"
+        return f"<Beam {self.mark}: {ends}, {self.length:.1f} mm, {self.mass:.3g} kg>"
+
 
 @dataclass(frozen=True, eq=False)
 class Node:
@@ -213,6 +221,10 @@ class Node:
     neighbours: tuple[str, ...]
     volume: float
     mass: float
+
+    def __repr__(self) -> str:
+        size = f"⌀ {2 * self.cylinder.radius:g} × {self.cylinder.length:g} mm"
+        return f"<Node {self.mark}: {size}, {self.mass:.3g} kg>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +251,10 @@ class Parts:
     panels: tuple[Panel, ...]
     beams: tuple[Beam, ...] = ()
     nodes: tuple[Node, ...] = ()
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.panels)} panels, {len(self.beams)} beams, {len(self.nodes)} nodes"
+        return f"<Parts: {counts}>"
 
 
 @dataclass(frozen=True)

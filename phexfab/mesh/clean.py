@@ -8,16 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from phexfab.errors import MeshError
 from phexfab.mesh.half_edges import border_loops
-from phexfab.mesh.io import weld
+from phexfab.mesh.io import same_place, weld
 from phexfab.mesh.measures import mean_edge
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.mesh.trimesh_io import WELD, check_manifold
+from phexfab.mesh.trimesh_io import check_manifold
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+SEAM = 0.02
+"""Share of the mean edge below which vertices of borders are taken to belong together."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,8 @@ def clean(
     ----------
     mesh : PolyMesh
     weld_within : float, optional
-        Vertices nearer than this become one, mm; `WELD` of the mean edge by default.
+        Vertices nearer than this become one, mm. By default 1e-5 of the mean edge, or what six
+        digits leave of the coordinates (`same_place`); then a seam left open is refused.
     turn : bool
         Turn faces that are oriented against the larger part of their piece; False refuses them.
     name : str
@@ -81,8 +86,9 @@ def clean(
     MeshError
         If the mesh has no faces or a coordinate is not finite; a face has a vertex twice; two
         faces have the same corners; more than two faces meet at an edge; a piece cannot be
-        oriented, or ``turn`` is False and it is not; or sheets touch at a vertex. The message
-        counts the places and names the first, with its face and coordinates.
+        oriented, or ``turn`` is False and it is not; sheets touch at a vertex; or, with no
+        ``weld_within`` given, border vertices nearly touch others. The message counts the places
+        and names the first, with its face and coordinates.
     """
     if not mesh.n_faces:
         raise MeshError(f"{name}: the file has no faces")
@@ -91,7 +97,7 @@ def clean(
         raise MeshError(f"{name}: vertex {bad[0]} is {mesh.vertices[bad[0]]}, not finite")
     _refuse_repeated_corners(mesh, name)
     used = len(np.unique(mesh.corners))
-    within = WELD * mean_edge(mesh) if weld_within is None else weld_within
+    within = same_place(mesh) if weld_within is None else weld_within
     try:
         joined = weld(mesh, within)
     except MeshError as error:
@@ -99,6 +105,8 @@ def clean(
     _refuse_repeated_corners(joined, name)
     _refuse_repeated_faces(joined, name)
     left, right, against = _neighbours(joined, name)
+    if weld_within is None:
+        _refuse_seam(joined, name)
     pieces, turned = _turned(joined, left, right, against, name)
     if len(turned):
         if not turn:
@@ -156,6 +164,35 @@ def _refuse_repeated_faces(mesh: PolyMesh, name: str) -> None:
                 f"{name}: {len(again)} faces have the same corners as another, first face {face} "
                 f"as face {other} at {_place(mesh, face)}; remove one of them"
             )
+
+
+def _refuse_seam(mesh: PolyMesh, name: str) -> None:
+    """Refuse vertices of the border that nearly touch others and have no edge with them."""
+    tail, head = mesh.corners, mesh.corners[mesh.next_corner]
+    n, low, high = len(mesh.vertices), np.minimum(tail, head), np.maximum(tail, head)
+    edge, count = np.unique(low * n + high, return_counts=True)
+    border = np.unique(np.concatenate(np.divmod(edge[count == 1], n)))
+    reach = SEAM * mean_edge(mesh)
+    pairs = cKDTree(mesh.vertices[border]).query_pairs(reach, output_type="ndarray")
+    one, two = border[pairs].T if len(pairs) else (border[:0], border[:0])
+    gap = np.linalg.norm(mesh.vertices[one] - mesh.vertices[two], axis=1)
+    length = np.linalg.norm(mesh.vertices[head] - mesh.vertices[tail], axis=1)
+    shortest = np.full(n, np.inf)  # at each vertex: near is what is near beside the edges there
+    np.minimum.at(shortest, tail, length)
+    np.minimum.at(shortest, head, length)
+    seam = ~np.isin(np.minimum(one, two) * n + np.maximum(one, two), edge)
+    seam &= gap < np.minimum(shortest[one], shortest[two]) / 3
+    one, two, gap = one[seam], two[seam], gap[seam]
+    if len(one):
+        step = 10.0 ** (np.floor(np.log10(gap.max())) - 1)
+        enough = float(np.ceil(1.05 * gap.max() / step) * step)
+        raise MeshError(
+            f"{name}: an open seam: {len(one)} pairs of border vertices are less than {SEAM:.0%} "
+            f"of an edge apart, first {one[0]} and {two[0]} at "
+            f"{mesh.vertices[one[0]].round(3).tolist()}, {gap[0]:.3g} apart, at most "
+            f"{gap.max():.3g}; join them with mesh.weld (weld_within) = {enough:.3g} in the file's "
+            "unit, or leave them with 0"
+        )
 
 
 def _neighbours(mesh: PolyMesh, name: str) -> tuple[IntArray, IntArray, NDArray[np.bool_]]:

@@ -19,13 +19,18 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from phexfab.errors import MeshError
-from phexfab.mesh.measures import mean_edge
+from phexfab.mesh.measures import edge_lengths, mean_edge
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.whole import whole
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Lines = Iterator[tuple[int, list[str]]]
+
+WELD = 1e-5
+"""Vertices nearer than this share of the mean edge are one; see `same_place`."""
+WELD_MOST = 1e-3
+"""The largest share, in files of few digits."""
 
 # Words that may precede "OFF" for what follows the coordinates on a vertex line (texture, colour,
 # normal); it is skipped. "4" and "n" mean other dimensions.
@@ -196,6 +201,19 @@ def write_off(mesh: PolyMesh, path: str | os.PathLike[str]) -> None:
     faces = (f"{j - i} {' '.join(map(str, corners[i:j]))}\n" for i, j in _spans(mesh))
     head = f"OFF\n{len(mesh.vertices)} {mesh.n_faces} 0\n"
     _write_whole(path, head + "".join(rows) + "".join(faces))
+
+
+def same_place(mesh: PolyMesh) -> float:
+    """Return the distance below which two vertices are one as files write them.
+
+    `WELD` of the mean edge; where more, what six digits leave of the largest coordinate, up to
+    `WELD_MOST` of the mean edge and a third of the shortest.
+    """
+    length = edge_lengths(mesh)
+    edge = float(length.mean())
+    shortest = float(length[length > WELD * edge].min(initial=np.inf))
+    digits = 2e-5 * float(np.abs(mesh.vertices[mesh.corners]).max())
+    return max(WELD * edge, min(digits, WELD_MOST * edge, shortest / 3))
 
 
 def weld(mesh: PolyMesh, tolerance: float) -> PolyMesh:

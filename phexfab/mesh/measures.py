@@ -6,6 +6,8 @@ are in the unit of the vertices (mm), angles in degrees.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -133,33 +135,45 @@ def corner_angles(mesh: PolyMesh, normals: FloatArray | None = None) -> FloatArr
     return np.degrees(np.arctan2(sine, cosine)) % 360.0
 
 
-def _in_plane(mesh: PolyMesh) -> tuple[FloatArray, FloatArray]:
-    """Return corner coordinates (C, 2) in, and (C,) off, the least-squares plane of each face."""
-    starts, owner = mesh.starts[:-1], mesh.face_of_corner
-    points = mesh.vertices[mesh.corners]
-    points = points - points[starts][owner]
-    points = points - (np.add.reduceat(points, starts) / mesh.sides[:, None])[owner]
-    spread = np.add.reduceat(points[:, :, None] * points[:, None, :], starts)
+def _by_sides(mesh: PolyMesh) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the faces (f,) of each number of corners n, and these about their mean, (3, n, f).
+
+    Faces come last, so that all operations run over long rows of numbers.
+    """
+    across = np.ascontiguousarray(mesh.vertices.T)
+    for n in np.unique(mesh.sides):
+        faces = np.flatnonzero(mesh.sides == n)
+        points = across.take(mesh.corners[mesh.starts[faces] + np.arange(n)[:, None]], axis=1)
+        points -= points[:, :1].copy()
+        points -= points.mean(axis=1, keepdims=True)
+        yield faces, points
+
+
+def _in_plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return coordinates (2, n, f) in, and (n, f) off, the least-squares planes of (3, n, f)."""
+    spread = np.einsum("inf,jnf->fij", points, points)
     # Corners that are not numbers stay so in what is returned; only LAPACK must not see them.
     axes = np.linalg.eigh(np.where(np.isfinite(spread), spread, 0.0))[1]
-    local = np.einsum("ci,cij->cj", points, axes[owner])
-    off, y, x = local.T
+    frame = np.ascontiguousarray(axes.transpose(2, 1, 0)[::-1])
+    local = np.einsum("inf,jif->jnf", points, frame)
+    x, y, off = local
     # The eigenvectors are good to rounding times the faces' aspect ratio squared; one linear fit
     # in their frame takes that factor away again. A face on a line leaves y free: skip it there.
-    xx, xy, yy, xz, yz = (
-        np.add.reduceat(t, starts) for t in (x * x, x * y, y * y, x * off, y * off)
-    )
+    xx, xy, xz = np.einsum("nf,jnf->jf", x, local)
+    yy, yz = np.einsum("nf,jnf->jf", y, local[1:])
     det = xx * yy - xy * xy
-    solid = det > 1e-24 * xx * xx
-    safe = np.where(solid, det, 1.0)
-    a = np.where(solid, (xz * yy - yz * xy) / safe, 0.0)[owner]
-    b = np.where(solid, (yz * xx - xz * xy) / safe, 0.0)[owner]
-    return np.column_stack([x, y]), (off - a * x - b * y) / np.sqrt(1 + a * a + b * b)
+    det = np.where(det > 1e-24 * xx * xx, det, np.inf)
+    a = (xz * yy - yz * xy) / det
+    b = (yz * xx - xz * xy) / det
+    return local[:2], (off - a * x - b * y) / np.sqrt(1 + a * a + b * b)
 
 
 def planarity(mesh: PolyMesh) -> FloatArray:
     """Return (F,) the largest distance of a face's corners to its least-squares plane, mm."""
-    return np.maximum.reduceat(np.abs(_in_plane(mesh)[1]), mesh.starts[:-1])
+    size = np.zeros(mesh.n_faces)
+    for faces, points in _by_sides(mesh):
+        size[faces] = np.abs(_in_plane(points)[1]).max(axis=0)
+    return size
 
 
 def relative_planarity(mesh: PolyMesh) -> FloatArray:
@@ -197,20 +211,14 @@ def libhedra_planarity(mesh: PolyMesh) -> FloatArray:
 
 
 def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> IntArray:
-    """Return the sign of the turn a→b→c; 0 where rounding cannot tell it from straight."""
-    left = (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
-    right = (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
-    det = left - right
-    return np.where(np.abs(det) > _TOUCH, np.sign(det), 0).astype(np.int64)
+    """Return the sign of the turn a→b→c, (2, …); 0 where rounding cannot tell it from straight."""
+    det = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return np.where(np.abs(det) > _TOUCH, np.sign(det), 0).astype(np.int8)
 
 
-def _apart(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
-    """True where segments ab and cd of the plane have certainly no point in common."""
-    after = np.minimum(c, d) - np.maximum(a, b) > _TOUCH
-    before = np.minimum(a, b) - np.maximum(c, d) > _TOUCH
-    beside_ab = _turn(a, b, c) * _turn(a, b, d) > 0
-    beside_cd = _turn(c, d, a) * _turn(c, d, b) > 0
-    return np.asarray(np.any(after | before, axis=-1) | beside_ab | beside_cd)
+def _beside(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
+    """True where one of the segments ab and cd, (2, …), is on one side of the other's line."""
+    return (_turn(a, b, c) * _turn(a, b, d) > 0) | (_turn(c, d, a) * _turn(c, d, b) > 0)
 
 
 def simple_faces(mesh: PolyMesh) -> BoolArray:
@@ -219,36 +227,38 @@ def simple_faces(mesh: PolyMesh) -> BoolArray:
     Edges that cross, touch, fold back on their neighbour or have no length make a face not
     simple; so does what rounding cannot tell from touching. Either orientation is simple.
     """
-    return _simple(mesh, _in_plane(mesh)[0])
+    return planarity_and_simple(mesh)[1]
 
 
 def planarity_and_simple(mesh: PolyMesh) -> tuple[FloatArray, BoolArray]:
     """Return what ``planarity`` and ``simple_faces`` do, in less time than both."""
-    flat, off = _in_plane(mesh)
-    return np.maximum.reduceat(np.abs(off), mesh.starts[:-1]), _simple(mesh, flat)
+    size, simple = np.zeros(mesh.n_faces), np.ones(mesh.n_faces, bool)
+    for faces, points in _by_sides(mesh):
+        flat, off = _in_plane(points)
+        size[faces], simple[faces] = np.abs(off).max(axis=0), _simple(flat)
+    return size, simple
 
 
-def _simple(mesh: PolyMesh, flat: FloatArray) -> BoolArray:
-    """Return (F,) True where a face with corners (C, 2) in its plane is a simple polygon."""
-    reach = np.maximum.reduceat(np.abs(flat).max(axis=1), mesh.starts[:-1])
-    flat = flat / np.where(reach > 0, reach, 1.0)[mesh.face_of_corner][:, None]
-    simple = np.ones(mesh.n_faces, bool)
-    for n in np.unique(mesh.sides):
-        faces = np.flatnonzero(mesh.sides == n)
-        i, j = np.triu_indices(n, 2)
-        keep = (j - i) % n != n - 1  # the first and the last edge are neighbours
-        i, j = i[keep], j[keep]
-        # Bounded memory: a face of n sides has about n²/2 pairs of edges.
-        for part in np.array_split(faces, 1 + len(faces) * max(len(i), 1) // 1_000_000):
-            polygon = flat[mesh.starts[part][:, None] + np.arange(n)]
-            following = np.roll(polygon, -1, axis=1)
-            beyond = np.roll(polygon, -2, axis=1)
-            along, onward = following - polygon, beyond - following
-            straight = _turn(polygon, following, beyond) == 0
-            folded = straight & (np.einsum("fnk,fnk->fn", along, onward) <= 0)
-            good = ~folded.any(axis=1)
-            if len(i):
-                apart = _apart(polygon[:, i], following[:, i], polygon[:, j], following[:, j])
-                good &= apart.all(axis=1)
-            simple[part] = good
-    return simple
+def _simple(flat: FloatArray) -> BoolArray:
+    """Return (f,) True where corners (2, n, f) in their plane are a simple polygon."""
+    n, f = flat.shape[1:]
+    reach = np.abs(flat).max(axis=(0, 1))
+    flat = flat / np.where(reach > 0, reach, 1.0)
+    following, beyond = (flat[:, (np.arange(n) + k) % n] for k in (1, 2))
+    back = np.einsum("knf,knf->nf", following - flat, beyond - following) <= 0
+    good = ~(back & (_turn(flat, following, beyond) == 0)).any(axis=0)
+    i, j = np.triu_indices(n, 2)
+    keep = (j - i) % n != n - 1  # the first and the last edge are neighbours
+    i, j = i[keep], j[keep]
+    low, high = np.minimum(flat, following), np.maximum(flat, following)
+    # Bounded memory: a face of n sides has about n²/2 pairs of edges.
+    for part in np.array_split(np.arange(len(i)), 1 + f * len(i) // 1_000_000):
+        first, second = i[part], j[part]
+        apart = low[:, second] - high[:, first] > _TOUCH
+        apart |= low[:, first] - high[:, second] > _TOUCH
+        pair, face = np.nonzero(~apart.any(axis=0))  # boxes do not tell
+        first, second = first[pair], second[pair]
+        ends = (flat[:, first, face], following[:, first, face])
+        beside = _beside(*ends, flat[:, second, face], following[:, second, face])
+        good[face[~beside]] = False
+    return good

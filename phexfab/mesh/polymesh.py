@@ -43,6 +43,9 @@ class PolyMesh:
     corners: IntArray
     starts: IntArray
 
+    def __repr__(self) -> str:
+        return f"<PolyMesh: {len(self.starts) - 1} faces, {len(self.vertices)} vertices>"
+
     @classmethod
     def from_faces(cls, vertices: FloatArray, faces: Iterable[Sequence[int]]) -> PolyMesh:
         """Return a mesh from a list of faces, each a sequence of vertex indices.

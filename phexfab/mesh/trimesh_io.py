@@ -12,15 +12,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from phexfab.errors import MeshError
-from phexfab.mesh.io import read_obj, read_off, weld
-from phexfab.mesh.measures import mean_edge
+from phexfab.mesh.io import read_obj, read_off, same_place, weld
 from phexfab.mesh.polymesh import PolyMesh
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-WELD = 1e-5
-"""Vertices nearer than this share of the mean edge are one."""
 
 _PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -34,7 +30,7 @@ _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("extra
 def read_triangles(path: str | os.PathLike[str]) -> PolyMesh:
     """Read a triangle mesh; the file's ending, ``.obj``, ``.off``, ``.ply`` or ``.stl``, tells how.
 
-    Vertices nearer than `WELD` of the mean edge are made one, quadrilaterals are split along their
+    Vertices nearer than `same_place` says are made one, quadrilaterals are split along their
     shorter diagonal.
 
     Raises
@@ -57,7 +53,7 @@ def read_triangles(path: str | os.PathLike[str]) -> PolyMesh:
     if not mesh.n_faces:
         raise MeshError(f"{name}: the file has no faces")
     try:
-        mesh = weld(mesh, WELD * mean_edge(mesh))
+        mesh = weld(mesh, same_place(mesh))
     except MeshError as error:
         raise MeshError(f"{name}: {error}") from error
     mesh = _split(mesh, name)

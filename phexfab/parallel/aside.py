@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from phexfab.mesh.measures import signed_areas, simple_faces
+from phexfab.mesh.measures import corner_angles, signed_areas, simple_faces
 from phexfab.parallel.border import place
 from phexfab.parallel.fence import Fence, Stations
 from phexfab.parallel.shell import Shell
@@ -23,6 +23,12 @@ from phexfab.parallel.walk import Ground, LostWayError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+INSET = 0.25
+"""Of the shortest edge: what panels lose along every edge to gaps, and bars to half their width."""
+
+LOST = 10.0
+"""What an edge counts from which no panel or no bar can be made, against 1 for a short one."""
 
 
 def step_aside(
@@ -230,8 +236,10 @@ class RimEdges:
     Attributes
     ----------
     shortest : float, mm
-    lack : float
-        Sum of wanted over actual length of those that are too short.
+    spots : (m, 3) mm
+        An end on the border of each that is too short.
+    lacks : (m,)
+        Wanted over actual length of these, and more for each from which no part can be made.
     stations : (n, 3) mm
         Vertices on the border at which two rim planes meet.
     lengths, wanted : (n, 2) mm
@@ -239,10 +247,16 @@ class RimEdges:
     """
 
     shortest: float
-    lack: float
+    spots: FloatArray
+    lacks: FloatArray
     stations: FloatArray
     lengths: FloatArray
     wanted: FloatArray
+
+    @property
+    def lack(self) -> float:
+        """Sum of all lacks."""
+        return float(self.lacks.sum())
 
 
 def rim_edges(shell: Shell, least: float, depth: tuple[float, float]) -> RimEdges:
@@ -253,7 +267,8 @@ def rim_edges(shell: Shell, least: float, depth: tuple[float, float]) -> RimEdge
     shell : Shell
     least : float, mm
     depth : (below, above), mm
-        Edges that vanish in an offset between −below and above are too short, too.
+        Edges that vanish in an offset between −below and above, what corners take of panels and
+        bars subtracted, are too short, too.
 
     Raises
     ------
@@ -272,12 +287,14 @@ def rim_edges(shell: Shell, least: float, depth: tuple[float, float]) -> RimEdge
     image = gauss.vertices[head] - gauss.vertices[tail]
     # An offset by t adds t times its image, which is parallel, to an edge.
     gain = np.einsum("ij,ij->i", along, image) / length
-    wanted = np.maximum(least, np.maximum(depth[0] * gain, -depth[1] * gain))
+    needed = np.maximum(depth[0] * gain, -depth[1] * gain) + INSET * least * _bevels(shell)
+    wanted = np.maximum(least, needed)
     n = len(mesh.vertices)
     at_rim = np.zeros(n, bool)
     at_rim[tail[border]] = True
     mine = at_rim[tail] | at_rim[head]
     short = mine & (length < wanted)
+    ends = mesh.vertices[np.where(at_rim[tail], tail, head)[short]]
     before, after = np.zeros(n, np.int64), np.zeros(n, np.int64)
     after[tail[border]] = np.flatnonzero(border)
     before[head[border]] = np.flatnonzero(border)
@@ -286,8 +303,30 @@ def rim_edges(shell: Shell, least: float, depth: tuple[float, float]) -> RimEdge
     pairs = np.column_stack([before[station], after[station]])
     return RimEdges(
         float(length[mine].min()),
-        float((wanted[short] / length[short]).sum()),
+        ends,
+        wanted[short] / length[short] + LOST * (length < needed)[short],
         mesh.vertices[station],
         length[pairs],
         wanted[pairs],
     )
+
+
+def _bevels(shell: Shell) -> FloatArray:
+    """Return (E,) by how much edges get shorter, over the width by which a panel is inset.
+
+    cot α/2 + cot β/2 with the panel's angles at the two ends; the larger of both sides.
+    """
+    mesh, edges = shell.mesh, shell.edges
+    n = len(mesh.vertices)
+    half = np.radians(corner_angles(mesh, shell.normals[shell.panels])) / 2
+    slope = 1.0 / np.tan(np.clip(half, 1e-6, np.pi - 1e-6))
+    loss = slope + slope[mesh.next_corner]
+    key = mesh.corners * n + mesh.corners[mesh.next_corner]
+    order = np.argsort(key)
+    found = np.zeros(len(edges))
+    for tail, head in ((0, 1), (1, 0)):
+        wanted = edges[:, tail] * n + edges[:, head]
+        slot = np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)
+        row = order[slot]
+        found = np.maximum(found, np.where(key[row] == wanted, loss[row], 0.0))
+    return found

@@ -20,29 +20,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from phexfab.errors import MeshError
 from phexfab.mesh.measures import signed_areas
-from phexfab.parallel.aside import RimEdges, rim_edges, step_aside
 from phexfab.parallel.border import Border
-from phexfab.parallel.cut_planes import shell_of_pieces
-from phexfab.parallel.fence import Fence, Stations, build_fence
-from phexfab.parallel.folds import FlatSide, Wanted, flat_sides, fold, shifted
+from phexfab.parallel.rounds import Attempt, Cutting, cut_folding, cut_stepping
 from phexfab.parallel.shell import Shell
-from phexfab.parallel.slivers import Patchwork, Tidied, tidy
-from phexfab.parallel.split import split
 from phexfab.parallel.stations import place_stations
-from phexfab.parallel.walk import Ground, LostWayError, walk
+from phexfab.parallel.walk import Ground, refuse_crossed
 from phexfab.parallel.within import border_distance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-ROUNDS = 6
-"""How often stations may step aside, to avoid vertices and short edges."""
-
-FOLDS = (1.0, 1.5)
-"""Distances, over the shortest edge, at which folded sides keep from vertices."""
-
-Limits = tuple[float, float, float, tuple[float, float]]
-"""Least area and width of a piece, shortest edge, depth below and above."""
 
 
 @dataclass(frozen=True)
@@ -107,21 +93,6 @@ class CutShell:
     def parent(self) -> IntArray:
         """(F,) face of the whole shell that each face comes from; −1 for rim planes."""
         return self.shell.parents
-
-
-@dataclass(frozen=True, eq=False)
-class _Attempt:
-    shell: Shell
-    fences: list[Fence]
-    tidied: Tidied
-    merged: int
-    cut: int
-    rim: RimEdges
-
-    @property
-    def cost(self) -> float:
-        """Pieces that are too thin, and edges that are too short, very short ones more."""
-        return len(self.tidied.deepest) + self.rim.lack
 
 
 def cut_shell(
@@ -220,21 +191,19 @@ def cut_shell(
         deep,
     )
     start = [place_stations(ground.finder, one, sag, size, limits[2], along) for one in borders]
-    best, failure = _rounds(whole, ground, borders, start, limits, (sag, size), along)
-    sides = [
-        flat_sides(ground, b, at, limits[2], size) for b, at in zip(borders, start, strict=True)
-    ]
-    for reach in FOLDS if any(sides) else ():
-        if best is not None and not best.cost:
-            break
-        wanted = Wanted(reach * limits[2], limits[3], size)
-        other, lost = _rounds(
-            whole, ground, borders, start, limits, (sag, size), along, sides, wanted
-        )
+    cutting = Cutting(whole, ground, borders, limits, sag, size, along)
+    try:
+        best, failure = cut_stepping(cutting, start)
+    except MeshError:
+        refuse_crossed(ground, borders, whole.kind)
+        raise
+    if best is None or best.cost:
+        other, lost = cut_folding(cutting, start)
         failure = failure or lost
         if other is not None and (best is None or other.cost < best.cost):
             best = other
     if best is None:
+        refuse_crossed(ground, borders, whole.kind)
         raise MeshError(
             f"{failure}; no cut beside it is valid either: move the lattice or the border a "
             "little, or change the panel size"
@@ -248,101 +217,7 @@ def cut_shell(
     return CutShell(best.shell, _report(best, borders, size))
 
 
-def _rounds(
-    whole: Shell,
-    ground: Ground,
-    borders: Sequence[Border],
-    stations: list[Stations],
-    limits: Limits,
-    sizes: tuple[float, float],
-    along: FloatArray | None,
-    sides: Sequence[list[FlatSide]] = (),
-    wanted: Wanted | None = None,
-) -> tuple[_Attempt | None, MeshError | None]:
-    """Cut again and again, stations stepping aside; return the best cut, and why others failed."""
-    sag, size = sizes
-    best: _Attempt | None = None
-    failure: MeshError | None = None
-    deepest = np.zeros((0, 3))
-    idle = 0
-    folds = list(sides)
-    for k in range(ROUNDS):
-        measured: RimEdges | None = None
-        if wanted is not None:
-            stations = [
-                fold(whole, ground, one, at, flat, wanted)
-                for one, at, flat in zip(borders, stations, folds, strict=True)
-            ]
-        try:
-            fences = [
-                build_fence(one, at, size / 12, along)
-                for one, at in zip(borders, stations, strict=True)
-            ]
-        except MeshError as error:  # stations that stepped aside may make planes lean too much
-            if not k and wanted is None:
-                raise
-            return best, failure or error
-        push = 1e-7 * size * (-1.0 if k % 2 == 0 else 1.0)
-        try:
-            made = _attempt(whole, ground, fences, push, limits)
-        except LostWayError as error:
-            failure = failure or error
-        else:
-            idle = idle + 1 if best is not None and made.cost > 0.98 * best.cost else 0
-            if best is None or made.cost < best.cost:
-                best = made
-            if not made.cost or idle == 2:
-                break
-            deepest, measured = made.tidied.deepest, made.rim
-        margin = max(limits[2], 1e-3 * size)
-        stations = [
-            step_aside(ground, fence, margin, limits[1], sag, deepest, measured, k)
-            for fence in fences
-        ]
-        if wanted is not None and measured is not None:
-            folds = [
-                shifted(flat, fence, measured, size)
-                for flat, fence in zip(folds, fences, strict=True)
-            ]
-    return best, failure
-
-
-def _attempt(
-    whole: Shell,
-    ground: Ground,
-    fences: list[Fence],
-    push: float,
-    limits: Limits,
-) -> _Attempt:
-    walks, first = [], 0
-    for fence in fences:
-        walks.append(walk(ground, fence, push, first))
-        first += len(fence.normals)
-    pieces = split(whole, ground, walks)
-    rim = int(np.count_nonzero(pieces.parent >= 0))
-    old = pieces.parent[:rim]
-    plane_normals = np.concatenate([fence.normals for fence in fences])
-    normals = np.concatenate([whole.normals[old], plane_normals])
-    plane_heights = np.concatenate([fence.heights for fence in fences])
-    heights = np.concatenate([whole.heights[old], plane_heights])
-    try:
-        patch = Patchwork(normals, heights, pieces.triangles, rim)
-    except ValueError as error:
-        raise LostWayError(f"a border touches a panel twice: {error}") from error
-    tidied = tidy(patch, pieces.cut.tolist(), limits[0], limits[1])
-    shell = shell_of_pieces(whole, patch, old, fences)
-    measured = rim_edges(shell, limits[2], limits[3])
-    return _Attempt(
-        shell,
-        fences,
-        tidied,
-        tidied.merged + pieces.filled,
-        len(pieces.cut) + pieces.filled,
-        measured,
-    )
-
-
-def _report(made: _Attempt, borders: Sequence[Border], size: float) -> CutReport:
+def _report(made: Attempt, borders: Sequence[Border], size: float) -> CutReport:
     shell = made.shell
     return CutReport(
         panels=len(shell.panels),

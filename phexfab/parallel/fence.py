@@ -158,8 +158,9 @@ def build_fence(
         found = [("direction", chords.through(np.append(direction, 0.0)))]
     else:
         apex = chords.through(chords.apex())
-        found = [("fitted", chords.fit(chords.upright)), ("apex", apex)]
-        found.insert(1, ("fitted", chords.fit(apex)))
+        # Where straight sides meet in sharp corners turning planes may do harm: then they are not.
+        starts = [chords.fit(chords.upright), chords.fit(apex), chords.upright]
+        found = [*(("fitted", one) for one in starts), ("apex", apex)]
     best = min(found, key=lambda one: round(float(chords.leans(one[1])[0].max()), 6))
     way, normals = best
     lean, rulings = chords.leans(normals)

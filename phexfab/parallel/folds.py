@@ -21,11 +21,12 @@ from phexfab.parallel.aside import RimEdges
 from phexfab.parallel.border import Border
 from phexfab.parallel.fence import Fence, Stations
 from phexfab.parallel.shell import Shell
-from phexfab.parallel.stations import middles_of_arcs
+from phexfab.parallel.stations import deviation, middles_of_arcs
 from phexfab.parallel.walk import Ground
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 LEVELS = 24
 """Displacements on either side of the plane that are tried."""
@@ -36,34 +37,8 @@ TOO_NEAR = 50.0
 FLAT_FOLD = 0.01
 """Folds below this many radians are left out: planes would meet in no certain line."""
 
-
-@dataclass(frozen=True, eq=False)
-class FlatSide:
-    """A side of a border, between two corners, in one plane.
-
-    Attributes
-    ----------
-    start, length : float, mm
-        Along the border.
-    plane : (4,)
-        Normal and height.
-    places : (n,) mm
-        Where it may fold, from the start on, ascending.
-    """
-
-    start: float
-    length: float
-    plane: FloatArray
-    places: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Near:
-    """Vertices near a flat side: mm along it, and the displacements (low, high) that are bad."""
-
-    along: FloatArray
-    low: FloatArray
-    high: FloatArray
+STRAIGHT = 1e-7
+"""Share of a border by which a straight side may leave its chord."""
 
 
 @dataclass(frozen=True)
@@ -78,15 +53,55 @@ class Wanted:
         In all offsets from −below to above.
     size : float, mm
         Of a panel.
+    held : bool
+        Sides do not turn next to corners, where planes that lean meet in axes that lean more.
     """
 
     least: float
     depth: tuple[float, float]
     size: float
+    held: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FlatSide:
+    """A side of a border, between two corners, in one plane.
+
+    Attributes
+    ----------
+    start, length : float, mm
+        Along the border.
+    plane : (4,)
+        Normal and height.
+    places : (n,) mm
+        Where it may fold, from the start on, ascending.
+    wanted : Wanted
+        What its planes are to keep from vertices.
+    """
+
+    start: float
+    length: float
+    plane: FloatArray
+    places: FloatArray
+    wanted: Wanted
+
+    def along(self, border: Border, stop: FloatArray, slack: float) -> BoolArray:
+        """Say which places (n,), mm along the border, are on the side or that near to its ends."""
+        on = (stop - self.start + slack) % border.length
+        return np.asarray(on <= self.length + 2 * slack)
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Vertices near a flat side: mm along it, and the displacements (low, high) that are bad."""
+
+    along: FloatArray
+    low: FloatArray
+    high: FloatArray
 
 
 def flat_sides(
-    ground: Ground, border: Border, stations: Stations, least: float, size: float
+    ground: Ground, border: Border, stations: Stations, wanted: Wanted
 ) -> list[FlatSide]:
     """Return the sides that lie in one plane; they may fold in the middle of their panels."""
     m = len(stations.along)
@@ -98,15 +113,41 @@ def flat_sides(
         np.isfinite(stations.planes[:, 3]) & stations.fixed & stations.fixed[after]
     ).tolist():
         start, end = float(stations.along[k]), float(stations.along[after[k]])
-        middle = middles_of_arcs(ground.finder, border, start, end, size, 2.5 * least)
+        middle = middles_of_arcs(ground.finder, border, start, end, wanted.size, 2.5 * wanted.least)
         places = np.array(middle) - start
-        found.append(
-            FlatSide(start, (end - start) % border.length, stations.planes[k].copy(), places)
-        )
+        length = (end - start) % border.length
+        found.append(FlatSide(start, length, stations.planes[k].copy(), places, wanted))
     return found
 
 
-def shifted(sides: list[FlatSide], fence: Fence, rim: RimEdges, size: float) -> list[FlatSide]:
+def straight_planes(border: Border, stations: Stations, fence: Fence) -> Stations:
+    """Return stations at which straight sides have the planes that a fence found for them.
+
+    A straight side lies in many planes, so none is its own; but one plane is all that it can have,
+    for any two would meet in the side itself. Given to it, that plane may fold.
+
+    Parameters
+    ----------
+    border : Border
+    stations : Stations
+        Of the border.
+    fence : Fence
+        For these stations.
+    """
+    along = stations.along
+    if len(along) < 2:
+        return stations
+    ends = np.append(along[1:], along[0] + border.length)
+    free = ~np.isfinite(stations.planes[:, 3]) & stations.fixed & np.roll(stations.fixed, -1)
+    planes = stations.planes.copy()
+    for k in np.flatnonzero(free).tolist():
+        off = deviation(border, along[k], ends[k], (ends[k] - along[k]) / 8)
+        if off <= STRAIGHT * border.length:
+            planes[k] = np.append(fence.normals[k], fence.heights[k])
+    return replace(stations, planes=planes)
+
+
+def shifted(sides: list[FlatSide], fence: Fence, rim: RimEdges) -> list[FlatSide]:
     """Return sides whose folds leave the ends of their panels' arcs, or are left out there.
 
     Parameters
@@ -116,8 +157,6 @@ def shifted(sides: list[FlatSide], fence: Fence, rim: RimEdges, size: float) -> 
         That was cut along.
     rim : RimEdges
         Of that cut.
-    size : float, mm
-        Of a panel.
     """
     if not len(rim.stations) or not sides:
         return sides
@@ -128,7 +167,7 @@ def shifted(sides: list[FlatSide], fence: Fence, rim: RimEdges, size: float) -> 
         places, keep = side.places.copy(), np.ones(len(side.places), bool)
         for row in np.flatnonzero((lack > 0).any(axis=1)).tolist():
             at = (fence.stations.along[which[row]] - side.start) % fence.border.length
-            near = np.flatnonzero(np.abs(side.places - at) < 1e-6 * size)
+            near = np.flatnonzero(np.abs(side.places - at) < 1e-6 * side.wanted.size)
             if not len(near):
                 continue
             before, after = lack[row].tolist()
@@ -147,7 +186,6 @@ def fold(
     border: Border,
     stations: Stations,
     sides: list[FlatSide],
-    wanted: Wanted,
 ) -> Stations:
     """Return stations with those at which flat sides fold; earlier folds are forgotten.
 
@@ -161,14 +199,13 @@ def fold(
     stations : Stations
         Of the border.
     sides : list of FlatSide
-    wanted : Wanted
     """
     given = np.isfinite(stations.planes[:, 3])
     keep = stations.fixed | ~(given & np.roll(given, 1))
     along, planes = stations.along[keep], stations.planes[keep]
     aside, fixed = stations.aside[keep], stations.fixed[keep]
     for side in sides:
-        at, folded = _folded(whole, ground, border, side, wanted)
+        at, folded = _folded(whole, ground, border, side)
         corner = int(np.abs(along - side.start).argmin())
         planes[corner] = folded[0]
         along = np.concatenate([along, (side.start + at) % border.length])
@@ -181,13 +218,14 @@ def fold(
 
 
 def _folded(
-    whole: Shell, ground: Ground, border: Border, side: FlatSide, wanted: Wanted
+    whole: Shell, ground: Ground, border: Border, side: FlatSide
 ) -> tuple[FloatArray, FloatArray]:
     """Return mm along the side of folds, and the (n + 1, 4) planes before and after them."""
+    wanted = side.wanted
     most = 2.0 * wanted.least + max(wanted.depth)
     at = np.concatenate([[0.0], side.places, [side.length]])
-    near = _vertices_near(whole, ground, border, side, wanted, most)
-    off = _displacements(at, near, most)
+    near = _vertices_near(whole, ground, border, side, most)
+    off = _displacements(at, near, most, wanted.held)
     keep = _kept(at, off)
     at, off = at[keep], off[keep]
     if not off.any():
@@ -201,11 +239,10 @@ def _vertices_near(
     ground: Ground,
     border: Border,
     side: FlatSide,
-    wanted: Wanted,
     most: float,
 ) -> _Near:
-    below, above = wanted.depth
-    least, plane = wanted.least, side.plane
+    wanted, plane = side.wanted, side.plane
+    (below, above), least = wanted.depth, wanted.least
     stops = np.linspace(0.0, side.length, max(3, int(np.ceil(24 * side.length / wanted.size))))
     points, _ = border.at(side.start + stops)
     reach = 2.0 * (most + least + max(below, above))
@@ -223,11 +260,15 @@ def _vertices_near(
     return _Near(stops[away.argmin(axis=1)][keep], low[keep], top[keep])
 
 
-def _displacements(at: FloatArray, near: _Near, most: float) -> FloatArray:
-    """Return (n,) the displacement at every station that keeps away from vertices best."""
+def _displacements(at: FloatArray, near: _Near, most: float, held: bool) -> FloatArray:
+    """Return (n,) the displacement at every station that keeps away from vertices best.
+
+    The first two are the same, and the last two, where the ends are to be held.
+    """
     levels = most * np.arange(-LEVELS, LEVELS + 1) / LEVELS
     mean = np.abs(levels[:, None] + levels) / (2 * most)
     mean = mean + 3 * mean**2
+    turned = np.where(np.eye(len(levels)), 0.0, np.inf)
     total, came = np.zeros(len(levels)), []
     segment = np.clip(np.searchsorted(at, near.along, side="right") - 1, 0, len(at) - 2)
     for k in range(len(at) - 1):
@@ -239,6 +280,8 @@ def _displacements(at: FloatArray, near: _Near, most: float) -> FloatArray:
         low, high = near.low[rows][:, None, None], near.high[rows][:, None, None]
         deep = np.minimum(here - low, high - here) / (high - low)
         cost = cost + TOO_NEAR * (np.maximum(deep, 0.0) + 0.1 * (deep > 0)).sum(axis=0)
+        if held and k in (0, len(at) - 2):
+            cost = cost + turned
         whole = total[:, None] + cost
         came.append(whole.argmin(axis=0))
         total = whole.min(axis=0)

@@ -86,6 +86,9 @@ class Shell:
     whole: Shell | None = None
     parents: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
+    def __repr__(self) -> str:
+        return f"<Shell: {len(self.panels)} panels, {self.kind} offsets>"
+
     @cached_property
     def rings(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
         """Return ``panels, starts, vertices, neighbours``.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from phexfab.errors import MeshError
+from phexfab.mesh.measures import signed_areas, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.parallel.border import place
+from phexfab.parallel.border import Border, place
 from phexfab.parallel.fence import Fence
 from phexfab.parallel.shell import Shell
 from phexfab.parallel.stations import PanelFinder
@@ -71,6 +73,32 @@ class Ground:
             PanelFinder(mesh),
             cKDTree(mesh.vertices),
         )
+
+
+def refuse_crossed(ground: Ground, borders: Sequence[Border], kind: str) -> None:
+    """Raise MeshError where a border runs through a panel that crosses itself before any cut.
+
+    Parameters
+    ----------
+    ground : Ground
+    borders : sequence of Border
+    kind : str
+        Offset type of the shell: circles ask for more than the face type does.
+    """
+    mesh, middle = ground.mesh, ground.finder.middle
+    crossed = np.flatnonzero(~simple_faces(mesh) | ~(signed_areas(mesh, ground.normals) > 0))
+    if not len(crossed):
+        return
+    tree = cKDTree(np.concatenate([one.points for one in borders]))
+    other = "" if kind == "face" else ', or offset.type = "face", which needs no circles'
+    for f in crossed.tolist():
+        reach = float(np.linalg.norm(mesh.polygon(f) - middle[f], axis=1).max())
+        if tree.query(middle[f])[0] < reach:
+            raise MeshError(
+                f"no border can be cut through the panel at {place(middle[f])}, which crosses "
+                "itself before any cut: the lattice is too coarse there, or bent too much to close "
+                f"up around umbilics; choose another panel size{other}"
+            )
 
 
 @dataclass(frozen=True)

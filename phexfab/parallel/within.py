@@ -13,7 +13,7 @@ from phexfab.errors import MeshError
 from phexfab.mesh.measures import signed_areas
 from phexfab.parallel.border import Border, distance_to_segments, place, samples_of
 from phexfab.parallel.shell import Shell
-from phexfab.parallel.walk import Ground
+from phexfab.parallel.walk import Ground, refuse_crossed
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -53,6 +53,7 @@ def panels_within(whole: Shell, borders: Sequence[Border]) -> BoolArray:
         lefts.append(np.cross(normals, ahead))
     spot, left, on = np.concatenate(spots), np.concatenate(lefts), np.concatenate(panel)
     if (on < 0).any():
+        refuse_crossed(ground, borders, whole.kind)
         raise MeshError(
             f"the shell ends at {place(spot[np.argmax(on < 0)])}, before the border within which "
             "it is to end; make the shell reach further beyond the border"
@@ -89,6 +90,7 @@ def panels_within(whole: Shell, borders: Sequence[Border]) -> BoolArray:
     np.add.at(votes, (part[one[beside]], to_the_left(one[beside], two[beside]).astype(np.int64)), 1)
     torn = np.flatnonzero(votes.min(axis=1) > 0.2 * votes.sum(axis=1))
     if len(torn):
+        refuse_crossed(ground, borders, whole.kind)
         f = int(np.flatnonzero(free & (part == torn[0]))[0])
         raise MeshError(
             f"the borders do not bound the shell: the panel at {place(middle[f])} lies on both "

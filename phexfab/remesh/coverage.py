@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from phexfab.mesh.measures import face_centroids, face_normals
 from phexfab.mesh.polymesh import PolyMesh
+from phexfab.remesh.fewer_panels import reach
 from phexfab.surface.freeform.surface import FreeformSurface
 
 FloatArray = NDArray[np.float64]
@@ -116,8 +117,7 @@ def under(mesh: PolyMesh, points: FloatArray) -> BoolArray:
     """Return (n,) whether points lie over or under a face, as near as the face is wide."""
     centre, normal = face_centroids(mesh), np.nan_to_num(face_normals(mesh))
     index = cKDTree(centre).query(points, min(_NEAR, mesh.n_faces))[1].reshape(len(points), -1)
-    away = np.linalg.norm(mesh.vertices[mesh.corners] - centre[mesh.face_of_corner], axis=1)
-    reach = np.maximum.reduceat(away, mesh.starts[:-1])
+    far = reach(mesh, centre)
     found = np.zeros(len(points), bool)
     for column in index.T:
         for n in np.unique(mesh.sides[column]):
@@ -126,7 +126,7 @@ def under(mesh: PolyMesh, points: FloatArray) -> BoolArray:
             corner = mesh.vertices[mesh.corners[mesh.starts[f][:, None] + np.arange(n)]]
             gap = points[todo] - centre[f]
             height = np.einsum("ij,ij->i", gap, normal[f])
-            near = (np.abs(height) < reach[f]) & (np.linalg.norm(gap, axis=1) < 1.5 * reach[f])
+            near = (np.abs(height) < far[f]) & (np.linalg.norm(gap, axis=1) < 1.5 * far[f])
             found[todo] |= near & _inside(corner - points[todo][:, None], normal[f])
     return found
 

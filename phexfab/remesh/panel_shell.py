@@ -10,14 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from phexfab.errors import MeshError, SolveError
+from phexfab.mesh.half_edges import border_loops
 from phexfab.mesh.measures import face_centroids, face_normals, mean_edge, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.shell import Shell
 from phexfab.parallel.simple import Border, border_of, border_runs, shell_of_mesh
-from phexfab.remesh.planarity.planarise import Planarised, planarise
+from phexfab.remesh.planarity.nearest import Reference
+from phexfab.remesh.planarity.planarise import CLOSENESS, Planarised, planarise
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,6 +28,10 @@ STRAIGHT = 1e-3
 """Width of a run over its length below which it counts as straight, with an upright plane."""
 FAR = 0.5
 """Most by which a run's vertices may move into one plane, in mean edges."""
+HELD = 1e-6
+"""Most by which a fixed vertex, where planes meet, may be off its place, in mean edges."""
+FLAT = 1e-9
+"""Volume of three unit normals below which their planes have no single point in common."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +44,15 @@ class PanelShell:
         Of the face type.
     planarised : Planarised
         With all faces, and behind them those that stand for runs of the border.
+    vertices : (V,) int
+        Which vertex of the given mesh each vertex of ``shell.mesh`` was.
     moved : (V,) float
         How far each vertex of ``shell.mesh`` is from where it was, mm.
     """
 
     shell: Shell
     planarised: Planarised
+    vertices: IntArray
     moved: FloatArray
 
 
@@ -83,7 +92,15 @@ def require_trivalent(mesh: PolyMesh, name: str) -> Border:
     return border
 
 
-def panel_shell(mesh: PolyMesh, *, border: str = "keep", name: str = "the mesh") -> PanelShell:
+def panel_shell(
+    mesh: PolyMesh,
+    *,
+    border: str = "keep",
+    fixed: ArrayLike = (),
+    reference: Reference | None = None,
+    closeness: float = CLOSENESS,
+    name: str = "the mesh",
+) -> PanelShell:
     """Return a polygon mesh, made planar, as a shell of the face type.
 
     Parameters
@@ -93,16 +110,22 @@ def panel_shell(mesh: PolyMesh, *, border: str = "keep", name: str = "the mesh")
     border : ``"keep"`` or ``"drop"``
         Keep the outermost faces as panels, with border planes through their border edges; or
         drop them, so that they are the border planes of those within.
+    fixed : (k,) int
+        Vertices that keep their place to rounding.
+    reference, closeness
+        A surface to stay close to, and how close; see ``planarise``.
     name : str
         What messages call it.
 
     Raises
     ------
     MeshError
-        If other than three faces meet at a vertex, the border allows no planes, or no panel
-        remains.
+        If other than three faces meet at a vertex, the border allows no planes, neighbouring
+        faces lie in one plane, or no panel remains; if fixed vertices leave a face or a stretch of
+        the border no plane, or no panel that remains has them.
     SolveError
-        If planar faces are not reached, or faces cross themselves once planar.
+        If planar faces are not reached, faces cross themselves once planar, or a fixed vertex is
+        not where its planes meet.
 
     References
     ----------
@@ -112,23 +135,34 @@ def panel_shell(mesh: PolyMesh, *, border: str = "keep", name: str = "the mesh")
         raise MeshError(f'border = "{border}"; use "keep" or "drop"')
     edge = require_trivalent(mesh, name)
     straight, runs = _long_runs(mesh, edge, name) if border == "keep" else ([], [])
-    joined = _with_faces(_straightened(mesh, straight), runs)
-    made = planarise(joined, keep_border=not runs, strict=False)
+    held = np.unique(np.asarray(fixed, np.int64))
+    _refuse_fixed(mesh, straight, runs, held, name)
+    joined = _with_faces(mesh, runs)
+    made = planarise(
+        joined,
+        fixed=held,
+        # Where the outermost faces are left out, their rims need not stay where they are.
+        keep_border=border == "keep" and not runs,
+        reference=reference,
+        closeness=closeness,
+        strict=False,
+    )
     crossing = np.array(made.report.crossing, np.int64)
     crossing = crossing[crossing < mesh.n_faces]
     if not made.report.converged or len(crossing):
-        _refuse(mesh, made, crossing, name)
-    planar = _straightened(PolyMesh(made.mesh.vertices, mesh.corners, mesh.starts), straight)
-    if runs:
-        ends = np.unique(np.concatenate(runs))
-        far = made.moved[ends] / mean_edge(mesh)
+        _refuse(mesh, made, crossing, name, len(held))
+    planar = _slid(PolyMesh(made.mesh.vertices, mesh.corners, mesh.starts), edge, straight)
+    if runs or straight:
+        ends = np.unique(np.concatenate(runs + straight))
+        far = np.linalg.norm(planar.vertices - mesh.vertices, axis=1)[ends] / mean_edge(mesh)
         if far.max() > FAR:
             v = int(ends[far.argmax()])
             raise MeshError(
-                f"{name}: near border vertex {v} at {mesh.vertices[v].round(1).tolist()} the "
-                f"border leaves its plane by {far.max():.2f} of an edge; no single plane trims "
-                'the panels there: take border = "drop"'
+                f"{name}: the border is too far off a plane at {(far > FAR).sum()} vertices, worst "
+                f"near vertex {v} at {mesh.vertices[v].round(1).tolist()} by {far.max():.2f} of an "
+                'edge; no single plane trims the panels there: take border = "drop"'
             )
+    _refuse_flat(planar, edge, border, name)
     if border == "drop":
         shell = shell_of_mesh(planar, border="panels")
         if not len(shell.panels):
@@ -147,18 +181,38 @@ def panel_shell(mesh: PolyMesh, *, border: str = "keep", name: str = "the mesh")
     at = shell.used_vertices
     if border == "drop":  # the dual triangles of shell_of_mesh are the inner vertices, in order
         at = np.flatnonzero(edge.valence == 3)[at]
+    lost = np.setdiff1d(held, at)
+    if len(lost):
+        raise MeshError(
+            f"{name}: {len(lost)} of {len(held)} fixed vertices (mesh.fixed) are on the outermost "
+            f"faces, first vertex {lost[0]} at {mesh.vertices[lost[0]].round(1).tolist()}, which "
+            'border = "drop" leaves out; fix others, or take border = "keep"'
+        )
     moved = np.linalg.norm(shell.mesh.vertices - mesh.vertices[at], axis=1)
-    return PanelShell(shell, made, moved)
+    left = np.where(np.isin(at, held), moved, 0.0)
+    if left.max(initial=0.0) > HELD * mean_edge(mesh):
+        v = int(at[left.argmax()])
+        raise SolveError(
+            f"{name}: fixed vertex {v} (mesh.fixed) at {mesh.vertices[v].round(1).tolist()} is "
+            f"{left.max():.3g} mm off its place once the border is cut by planes; fix vertices "
+            "farther from straight stretches of the border"
+        )
+    return PanelShell(shell, made, at, moved)
 
 
 def _long_runs(mesh: PolyMesh, edge: Border, name: str) -> tuple[list[IntArray], list[IntArray]]:
     """Return the vertices of straight runs, and of others that have three edges or more."""
     found = border_runs(mesh, edge)
     if found is None:
+        whole = [loop for loop in border_loops(mesh) if (edge.valence[loop] == 2).all()]
+        middle = mesh.vertices[whole[0]].mean(axis=0).round(1).tolist()
         raise MeshError(
-            f"{name}: two faces meet at every vertex of a border, so no plane trims a panel "
-            'there; take border = "drop"'
+            f"{name}: at every vertex of {len(whole)} borders two faces meet, first the border of "
+            f"{len(whole[0])} edges around {middle} with vertex {whole[0][0]}; no plane trims "
+            'panels there: close the hole with a face, or take border = "drop"'
         )
+    if not len(edge.corner):
+        return [], []
     run, place = found
     tail = mesh.corners[edge.corner]
     head = mesh.corners[mesh.next_corner[edge.corner]]
@@ -178,15 +232,57 @@ def _long_runs(mesh: PolyMesh, edge: Border, name: str) -> tuple[list[IntArray],
     return straight, bent
 
 
-def _straightened(mesh: PolyMesh, runs: list[IntArray]) -> PolyMesh:
-    """Return the mesh with the vertices of each run on the line through its ends."""
-    if not runs:
-        return mesh
+def _refuse_fixed(
+    mesh: PolyMesh, straight: list[IntArray], bent: list[IntArray], fixed: IntArray, name: str
+) -> None:
+    """Refuse fixed vertices within straight runs, and those of others that have no plane.
+
+    Two panels that both have a part of one line in their planes can only meet along that line: on
+    a straight stretch of the border, nodes between panels leave the line by a little.
+    """
+    on = np.zeros(len(mesh.vertices), bool)
+    on[fixed] = True
+    within = [run[1:-1][on[run[1:-1]]] for run in straight]
+    if any(map(len, within)):
+        v = int(np.concatenate(within)[0])
+        raise MeshError(
+            f"{name}: {sum(map(len, within))} fixed vertices (mesh.fixed) lie within straight "
+            f"stretches of the border, first vertex {v} at {mesh.vertices[v].round(1).tolist()}; "
+            "panels bent against each other leave that line where they meet: fix its ends instead"
+        )
+    exact = 1e-12 * mean_edge(mesh) + 8e-16 * float(np.abs(mesh.vertices).max())
+    for run in bent:
+        mine = run[on[run]]
+        if len(mine) > 3:
+            gap = mesh.vertices[mine] - mesh.vertices[mine].mean(axis=0)
+            off = np.abs(gap @ np.linalg.svd(gap)[2][2])
+            if off.max() > exact:
+                v = int(mine[off.argmax()])
+                raise MeshError(
+                    f"{name}: {len(mine)} fixed vertices (mesh.fixed) of a stretch of the border "
+                    f"that needs one plane are {off.max():.3g} mm off it, worst vertex {v} at "
+                    f"{mesh.vertices[v].round(1).tolist()}; fix three of them, or give a mesh "
+                    "whose border is plane there"
+                )
+
+
+def _slid(mesh: PolyMesh, edge: Border, runs: list[IntArray]) -> PolyMesh:
+    """Return a planar mesh with the vertices of each straight run in the upright plane of its ends.
+
+    They slide along the edge between their two panels, so that faces stay planar.
+    """
     points = mesh.vertices.copy()
+    normals = face_normals(mesh)
+    corner = np.full(len(points), -1)
+    corner[mesh.corners[edge.corner]] = edge.corner
     for run in runs:
-        along = points[run[-1]] - points[run[0]]
-        share = (points[run] - points[run[0]]) @ along / (along @ along)
-        points[run[1:-1]] = points[run[0]] + share[1:-1, None] * along
+        middle = run[1:-1]
+        panels = mesh.face_of_corner[corner[run[:-1]]]
+        across = np.cross(points[run[-1]] - points[run[0]], normals[panels].mean(axis=0))
+        # At a border vertex of two faces the corner before it is the other end of their edge.
+        along = points[middle] - points[mesh.corners[mesh.previous_corner[corner[middle]]]]
+        off = (points[middle] - points[run[0]]) @ across
+        points[middle] -= (off / (along @ across))[:, None] * along
     return PolyMesh(points, mesh.corners, mesh.starts)
 
 
@@ -199,7 +295,7 @@ def _with_faces(mesh: PolyMesh, runs: list[IntArray]) -> PolyMesh:
     return PolyMesh(mesh.vertices, corners, np.concatenate([mesh.starts, ends]))
 
 
-def _refuse(mesh: PolyMesh, made: Planarised, crossing: IntArray, name: str) -> None:
+def _refuse(mesh: PolyMesh, made: Planarised, crossing: IntArray, name: str, held: int) -> None:
     if len(crossing):
         face, what = int(crossing[0]), f"{len(crossing)} faces cross themselves once planar, first"
     else:
@@ -208,9 +304,53 @@ def _refuse(mesh: PolyMesh, made: Planarised, crossing: IntArray, name: str) -> 
     kind = "face" if face < mesh.n_faces else "border run behind face"
     raise SolveError(
         f"{name}: {what} {kind} {min(face, mesh.n_faces - 1)} at {place} "
-        f"({made.planarity[face]:.1e} of an edge off its plane); begin with a mesh more nearly "
+        f"({made.planarity[face]:.1e} of an edge off its plane); "
+        f"{'fix fewer vertices (mesh.fixed), ' if held else ''}begin with a mesh more nearly "
         'planar there, or leave the outermost faces out with border = "drop"'
     )
+
+
+def _refuse_flat(mesh: PolyMesh, edge: Border, border: str, name: str) -> None:
+    """Refuse nodes whose three planes, or two where a border plane is the third, are one."""
+    order = np.argsort(mesh.corners, kind="stable")
+    normals = face_normals(mesh)[mesh.face_of_corner[order]]
+    first = np.concatenate([[0], np.cumsum(edge.valence)[:-1]])
+    inside = np.ones(len(mesh.vertices), bool)
+    inside[mesh.corners[edge.corner]] = False
+    three, two = np.flatnonzero(inside & (edge.valence == 3)), np.zeros(0, np.int64)
+    if border == "keep":
+        two = np.flatnonzero(~inside & (edge.valence == 2))
+    a, b, c = (normals[first[three] + k] for k in range(3))
+    volume = np.abs(np.einsum("vi,vi->v", a, np.cross(b, c)))
+    sine = np.linalg.norm(np.cross(normals[first[two]], normals[first[two] + 1]), axis=1)
+    bad = np.concatenate([three[~(volume > FLAT)], two[~(sine > FLAT)]])
+    if len(bad):
+        v = int(bad[0])
+        faces = np.sort(mesh.face_of_corner[order[first[v] : first[v] + edge.valence[v]]]).tolist()
+        raise MeshError(
+            f"{name}: at {len(bad)} vertices the planes of neighbouring faces do not meet in a "
+            f"point of their own, first vertex {v} at {mesh.vertices[v].round(1).tolist()} with "
+            f"faces {faces}: where the mesh is flat or bent one way only, no three planes fix a "
+            "node; join such faces into one, or give the mesh curvature there"
+        )
+    if border == "keep":
+        _refuse_straight(mesh, edge, name)
+
+
+def _refuse_straight(mesh: PolyMesh, edge: Border, name: str) -> None:
+    """Refuse border vertices of one face at which it goes straight on: both planes are one."""
+    tail, head = mesh.corners[edge.corner], mesh.corners[mesh.next_corner[edge.corner]]
+    along = mesh.vertices[head] - mesh.vertices[tail]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    sine = np.linalg.norm(np.cross(along[edge.before], along), axis=1)
+    bad = np.flatnonzero((edge.valence[tail] == 1) & ~(sine > FLAT))
+    if len(bad):
+        v, face = int(tail[bad[0]]), int(mesh.face_of_corner[edge.corner[bad[0]]])
+        raise MeshError(
+            f"{name}: the border runs straight on at {len(bad)} vertices of one face, first vertex "
+            f"{v} at {mesh.vertices[v].round(1).tolist()} of face {face}; leave these vertices out "
+            'of their faces, or take border = "drop"'
+        )
 
 
 def _upright(mesh: PolyMesh, shell: Shell) -> Shell:

@@ -79,7 +79,8 @@ class Expression:
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             if isinstance(error, SurfaceError):
                 raise
-            raise SurfaceError(f"{key} = {text[:80]!r} is not an expression: {error}") from error
+            said = getattr(error, "msg", None) or error  # without Python's own file and line
+            raise SurfaceError(f"{key} = {text[:80]!r} is not an expression: {said}") from error
 
     def __call__(self, z: ComplexArray) -> ComplexArray:
         """Return the value at ``z``."""

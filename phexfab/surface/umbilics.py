@@ -24,19 +24,20 @@ from phexfab.surface.continuation import describe
 from phexfab.surface.domain import Disc
 from phexfab.surface.holomorphic import ComplexArray, show
 from phexfab.surface.weierstrass import MinimalSurface
+from phexfab.surface.zeros import CIRCLE, SAMPLES, middle_of_zeros, single_zero
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Quantity = Callable[[ComplexArray], ComplexArray]
 
 CELLS = (6, 12, 24, 48)  # squares along the first grid; the next one where the count is wrong
-SAMPLES = 64
-CIRCLE = np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)
 HALVINGS, MOST_OPEN = 36, 4096  # of the pieces between samples; pieces of a loop left to halve
 CIRCLES = (1.6, 2.2)  # about a square, in halves of its side; a multiple zero needs some room
 ALIKE = 0.7  # |Q_next/Q - 1| of neighbouring samples, so that no turn of the phase is missed
+CLUSTER = 1e-4  # of the radius: zeros that near to each other may be one of higher order
 SMALLEST = 1e-9  # of the radius: a square that small is a point
 MOST_SQUARES = 4096  # that are still to be searched
+MOST_UNRESOLVED = 128  # squares on whose border a zero lies, or nothing but noise
 UNRESOLVED = -(10**6)
 
 
@@ -124,7 +125,8 @@ def hopf_zeros(
         values = np.abs(quantity(domain.grid(16)))
     if not np.any(values > 0):
         raise SurfaceError(
-            f"{name}: the Hopf differential vanishes throughout: a plane has no curvature lines"
+            f"{name}: the film is a plane, which has no curvature lines to lay hexagons along "
+            "(its Hopf differential vanishes); bend the rim out of its plane"
         )
     wide, turns = _turns_of_border(quantity, domain)
     total = int(turns[0] - turns[1:].sum())
@@ -277,28 +279,48 @@ def _search(
     half = size / cells
     places: list[complex] = []
     orders: list[int] = []
+    parent = np.full(len(centre), -1)
+    parents, parent_turns = np.zeros(0, complex), np.zeros(0, np.int64)
+
+    def known(z: complex, half: float, turn: int) -> bool:
+        """Whether a neighbour's larger circle has found these zeros already."""
+        away = np.array(places, complex) - z
+        mine = np.maximum(np.abs(away.real), np.abs(away.imag)) <= 1.1 * half
+        return turn > 0 and sum(o for o, m in zip(orders, mine, strict=True) if m) == turn
+
     while len(centre):
-        centre = centre[~domain.is_outside(centre, 1.55 * half)]
+        near = ~domain.is_outside(centre, 1.55 * half)
+        centre, parent = centre[near], parent[near]
         turns = _cell_turns(quantity, domain, holes, centre, half)
+        if half < CLUSTER * domain.radius:
+            # Where noise begins to part zeros that a square held together, they are one.
+            held = np.bincount(parent, np.where(turns == UNRESOLVED, -np.inf, turns), len(parents))
+            for k in np.flatnonzero((parent_turns > 0) & (held < parent_turns)):
+                z = complex(parents[k])
+                if not known(z, 2 * half, int(parent_turns[k])):
+                    places.append(middle_of_zeros(quantity, z, 3 * half, int(parent_turns[k])))
+                    orders.append(int(parent_turns[k]))
+            keep = held[parent] >= parent_turns[parent]
+            centre, turns = centre[keep], turns[keep]
         rest: list[complex] = []
+        rest_turns: list[int] = []
         for z, turn in zip(centre, turns, strict=True):
             if turn == 0:
                 continue
-            tiny = half < SMALLEST * domain.radius
-            # Zeros that a neighbour's larger circle has found already.
-            away = np.array(places, complex) - z
-            mine = np.maximum(np.abs(away.real), np.abs(away.imag)) <= 1.1 * half
-            if turn > 0 and sum(o for o, m in zip(orders, mine, strict=True) if m) == turn:
+            tiny, noisy = half < SMALLEST * domain.radius, half < CLUSTER * domain.radius
+            if known(z, half, turn):
                 continue
             single = None
             for reach in CIRCLES if turn > 0 else ():
-                single = single or _single(quantity, complex(z), reach * half, blur)
+                single = single or single_zero(quantity, complex(z), reach * half, blur, noisy)
             if single is not None and abs(single[0] - z) <= 1.6 * half:
-                if not any(abs(single[0] - p) <= 1e-7 * domain.radius for p in places):
+                same = min(1e-7 * domain.radius, 0.1 * half)  # seen from a neighbouring square
+                if not any(abs(single[0] - p) <= same for p in places):
                     places.append(single[0])
                     orders.append(single[1])
             elif not tiny:
                 rest.append(z)
+                rest_turns.append(int(turn))
             elif turn > 0 and turn != UNRESOLVED:
                 places.append(complex(z))
                 orders.append(int(turn))
@@ -308,7 +330,7 @@ def _search(
                     f"{name}: {what} lies in the domain at z = {show(place)}: the surface runs to "
                     "infinity (an end) or is not analytic there; choose a domain without it"
                 )
-        if len(rest) > MOST_SQUARES:
+        if len(rest) > MOST_SQUARES or (turns == UNRESOLVED).sum() > MOST_UNRESOLVED:
             raise SurfaceError(
                 f"{name}: the Hopf differential is noise around z = {show(rest[0])}: the surface "
                 "is not analytic there, or not known well enough; choose a smaller domain, or a "
@@ -316,57 +338,7 @@ def _search(
             )
         half /= 2
         children = half * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])
-        centre = np.asarray((np.array(rest, complex)[:, None] + children).ravel(), complex)
+        parents, parent_turns = np.array(rest, complex), np.array(rest_turns, np.int64)
+        parent = np.repeat(np.arange(len(parents)), 4)
+        centre = np.asarray((parents[:, None] + children).ravel(), complex)
     return Umbilics(np.array(places, complex), np.array(orders, np.int64))
-
-
-def _single(
-    quantity: Quantity, z: complex, radius: float, blur: float
-) -> tuple[complex, int] | None:
-    """Return place and order of the only zero in a circle, or None where it holds several.
-
-    Taylor coefficients below the order must be rounding; what rounding is, the coefficients at
-    the end of the series tell.
-    """
-    place, wide = z, radius
-    for _ in range(12):
-        with np.errstate(all="ignore"):
-            q = quantity(place + radius * CIRCLE)
-            ratio = np.roll(q, -1) / q
-        if not np.all(np.abs(ratio - 1) <= 1.5):
-            return None
-        order = round(float(np.angle(ratio).sum()) / (2 * np.pi))
-        taylor = np.fft.fft(q) / SAMPLES
-        if not 1 <= order < SAMPLES // 4:
-            return None
-        shift = -complex(taylor[order - 1] / (order * taylor[order])) * radius
-        if abs(shift) > radius:
-            return None
-        place += shift
-        if abs(shift) <= 1e-3 * radius:
-            break
-    else:
-        return None
-    # The zero lies in the middle: now a last sharp look, Newton on the last vanishing derivative,
-    # on a circle small enough for the series to end in rounding.
-    noise, sharp = np.inf, 0
-    for _ in range(16):
-        with np.errstate(all="ignore"):
-            q = quantity(place + radius * CIRCLE)
-        taylor = np.fft.fft(q) / SAMPLES
-        noise = float(np.abs(taylor[SAMPLES // 2 :]).max())
-        rounding = np.finfo(float).eps * float(np.abs(q).max())
-        place -= complex(taylor[order - 1] / (order * taylor[order])) * radius
-        if noise > 1e-6 * np.abs(taylor[order]):
-            return None  # not analytic so far out, or other zeros too near
-        if noise <= 1e3 * rounding:
-            sharp += 1
-        else:
-            radius *= 0.6
-        noise = max(noise, rounding)
-        if sharp == 4:
-            break
-    low = np.abs(taylor[:order])
-    # As on the first circle.
-    blurred = blur * np.abs(taylor[order]) * (wide / radius) ** (order - np.arange(order))
-    return (place, order) if np.all(low <= np.maximum(64 * noise, blurred)) else None

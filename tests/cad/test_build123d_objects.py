@@ -137,6 +137,9 @@ def test_faces_by_tag(build):
             middle = part.solid.vertices[list(face)].mean(axis=0) + np.array([0, 0, 300])
             for tag in tags:
                 found = shell.tagged(part.mark, tag)
+                same = shell.tagged(part.mark, tag.replace("_", "-"))
+                pairs = zip(same, found, strict=True)
+                assert all((one.center() - two.center()).length < 1e-9 for one, two in pairs)
                 centres = [np.mean([tuple(v) for v in f.vertices()], axis=0) for f in found]
                 assert min(np.linalg.norm(c - middle) for c in centres) < 1e-6
     (side,) = shell.tagged("N001", "side")

@@ -79,6 +79,8 @@ def test_every_tagged_face_is_the_one_that_the_arrays_say(name):
         for tag in (n for n in names if not n.startswith(("end", "to_"))):
             normal, corners = normal_and_centre(part, tag, below)
             (face,) = held.faces(tag=tag).vals()
+            (same,) = held.faces(tag=tag.replace("_", "-")).vals()
+            assert face.isSame(same)
             assert face.normalAt().toTuple() == pytest.approx(tuple(normal), abs=1e-9)
             found = np.array([v.toTuple() for v in face.Vertices()])
             away = np.linalg.norm(found[:, None] - corners, axis=2)
@@ -111,6 +113,8 @@ def test_selectors_by_mark_family_and_tag(build, parts):
     assert parts.faces(Tag("top") - Family("panels")).size() == len(beams)
     assert parts.faces((Family("panels") & Tag("top")) - Mark("P001")).size() == len(panels) - 1
     assert parts.edges(Tag("bottom_left")).size() == len(beams)
+    assert parts.faces(Tag("side-1")).size() == parts.faces(Tag("side_1")).size() == len(panels)
+    assert parts.faces(tag="mitre-1").size() == parts.faces(tag="mitre_1").size() >= len(beams)
     assert parts.solids(Mark("P999")).size() == 0 and parts.solids(Tag("top")).size() == 0
     assert cq.Workplane().box(1, 1, 1).solids(Mark("P001")).size() == 0
 

@@ -35,6 +35,15 @@ def rounded_rectangle(space, width=4000.0, depth=2000.0, radius=500.0, **where):
         space.add_arc(centre, r, -90 + 90 * k, 90 * k, dxfattribs=where)
 
 
+def test_a_file_that_is_no_step_is_refused_without_the_kernel_s_noise(tmp_path, capfd):
+    (tmp_path / "rim.step").write_text("hello", encoding="utf-8")
+    for _ in range(2):
+        with pytest.raises(DesignError, match=r"^rim\.step: is no readable STEP file; export it"):
+            read_rims(tmp_path / "rim.step")
+    said = capfd.readouterr()
+    assert said.out + said.err == ""
+
+
 def test_a_circle_of_arcs_is_a_circle(tmp_path):
     made = drawing()
     for start, end in ((170.0, 290.0), (290.0, 60.0), (60.0, 170.0)):

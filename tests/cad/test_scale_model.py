@@ -1,13 +1,15 @@
 """The scale model: closed, as thick as the printer's wall, on its bed; 3MF and STL of it."""
 
+import csv
 import zipfile
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from export_samples import sample_build
 
-from phexfab.cad.model_plates import ENGRAVED, panel_plates
+from phexfab.cad.model_plates import ENGRAVED, panel_plates, write_listing
 from phexfab.cad.scale_model import ScaleModel, printed_shell
 from phexfab.cad.stl import write_stl
 from phexfab.cad.three_mf import write_3mf
@@ -192,6 +194,34 @@ def test_too_small_a_panel_is_named_though_not_engraved(built):
     bare = [mark for plate in plates for mark in plate.unmarked]
     assert bare
     assert {body.mark for plate in plates for body in plate.panels} >= set(bare)
+
+
+@pytest.mark.parametrize("scale", [25, 150])
+def test_the_listing_finds_every_panel_on_its_plate(built, tmp_path, scale):
+    plates = panel_plates(built.parts.panels, replace(SPEC, scale=scale), scale)
+    write_listing(plates, tmp_path / "plates.csv")
+    with (tmp_path / "plates.csv").open(encoding="utf-8", newline="") as file:
+        found = list(csv.DictReader(file))
+    assert [row["mark"] for row in found] == [panel.mark for panel in built.parts.panels]
+    for plate in plates:
+        rows: dict[int, list[dict[str, str]]] = {}
+        for line in (line for line in found if int(line["plate"]) == plate.number):
+            rows.setdefault(int(line["row"]), []).append(line)
+        boxes = {b.mark: (b.points.min(axis=0), b.points.max(axis=0)) for b in plate.panels}
+        assert list(rows) == list(range(1, len(rows) + 1))
+        behind = 0.0
+        for lines in rows.values():
+            assert [int(line["place"]) for line in lines] == list(range(1, len(lines) + 1))
+            own = [boxes[line["mark"]] for line in lines]
+            for (_, high), (low, _) in pairwise(own):
+                assert low[0] > high[0]  # each stands right of the one before it
+            assert min(low[1] for low, _ in own) > behind  # behind all of the row before
+            behind = max(high[1] for _, high in own)
+            for line, (low, high) in zip(lines, own, strict=True):
+                middle = (low + high)[:2] / 2
+                assert [float(line["x"]), float(line["y"])] == pytest.approx(middle, abs=0.051)
+        bare = (line["mark"] for own in rows.values() for line in own if line["engraved"] == "no")
+        assert tuple(bare) == plate.unmarked
 
 
 def test_an_open_mesh_is_refused():

@@ -18,7 +18,9 @@ ANYWHERE = ("dupin", "progressive", "conjugate", "quads", "circular", "conical")
 FAST = [
     ("dupin", "torus", 0.9),
     ("progressive", "sphere cap", 0.7),
+    ("progressive", "roof", 0.7),
     ("conjugate", "hypar", 0.7),
+    ("conjugate", "roof", 0.8),
     ("conical", "roof", 0.4),
     ("duality", "hypar", 0.6),
     ("support", "sphere cap", 0.6),

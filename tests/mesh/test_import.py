@@ -1,6 +1,7 @@
 """Meshes from elsewhere: four formats read alike, mended with a report, or refused by place."""
 
 import json
+import re
 import struct
 from itertools import pairwise
 
@@ -150,9 +151,48 @@ def test_unwelded_vertices_are_joined_and_unused_ones_dropped():
     assert [len(mesh.vertices), mesh.n_faces] == [7, 3]
     assert (report.welded, report.unused, report.pieces, report.mended) == (4, 2, 1, True)
     assert np.allclose(area_vectors(mesh), area_vectors(mixed()), atol=1e-15)
-    apart, report = clean(loose(1e-3))
+    apart, report = clean(loose(1e-3), weld_within=0)
     assert (len(apart.vertices), report.pieces) == (11, 3)
     assert len(clean(loose(1e-3), weld_within=1e-2)[0].vertices) == 7
+
+
+def test_an_open_seam_is_refused_with_the_weld_that_closes_it():
+    said = message(clean, loose(1e-3))
+    assert re.search(r"an open seam: 4 pairs of border vertices .* at \[0\.999, ", said)
+    enough = float(re.search(r"\(weld_within\) = (\S+) ", said)[1])
+    closed, report = clean(loose(1e-3), weld_within=enough)
+    assert (len(closed.vertices), report.pieces) == (7, 1)
+    # Vertices that are near because an edge between them is short are no seam.
+    short = np.vstack([POINTS, POINTS[3] + [0, 0.01, 0]])
+    assert clean(PolyMesh.from_faces(short, [[0, 1, 4, 7, 3], *FACES[1:]]))[1].pieces == 1
+
+
+@pytest.mark.parametrize("ending", [".obj", ".off"])
+def test_unwelded_files_of_six_digits_are_joined(tmp_path, ending):
+    # Every face with its own corners, as six digits write places that differ by rounding.
+    whole = grid(12)
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    points = (30 * whole.vertices @ turn.T + 700)[whole.corners]
+    points += np.random.default_rng(3).normal(size=points.shape) * 1e-4
+    rows = [" ".join(f"{v:.6g}" for v in p) for p in points]
+    count = range(0, len(rows), 4)
+    if ending == ".obj":
+        lines = [f"v {row}" for row in rows]
+        lines += [f"f {k + 1} {k + 2} {k + 3} {k + 4}" for k in count]
+    else:
+        lines = ["OFF", f"{len(rows)} {len(count)} 0", *rows]
+        lines += [f"4 {k} {k + 1} {k + 2} {k + 3}" for k in count]
+    path = tmp_path / f"mesh{ending}"
+    path.write_text("\n".join(lines))
+    mesh, report = import_polygons(path)
+    assert (len(mesh.vertices), report.pieces, report.borders) == (len(whole.vertices), 1, 1)
+
+
+def test_short_edges_are_not_welded_away():
+    # Six digits of 1e6 would be 20; the shortest edge is 9.
+    mesh = grid(3)
+    points = mesh.vertices * [30_000, 9.0, 1] + [1e6, 0, 0]
+    assert len(clean(PolyMesh.from_faces(points, mesh.faces))[0].vertices) == len(points)
 
 
 def test_corners_that_fall_together_are_dropped():

@@ -26,9 +26,9 @@ def test_planes_of_a_folded_side_meet_in_its_upright_lines():
     _, shell, one = catenoid_window()
     ground = Ground.of(shell)
     start = place_stations(ground.finder, one, 10.0, 250.0, 20.0)
-    sides = flat_sides(ground, one, start, 20.0, 250.0)
+    sides = flat_sides(ground, one, start, Wanted(20.0, DEPTH, 250.0))
     assert sides
-    made = fold(shell, ground, one, start, sides, Wanted(20.0, DEPTH, 250.0))
+    made = fold(shell, ground, one, start, sides)
     fence = build_fence(one, made, 20.0)
     given = np.isfinite(made.planes[:, 3])
     inner = np.flatnonzero(given & np.roll(given, 1) & ~made.fixed)
@@ -56,8 +56,8 @@ def test_vertices_keep_away_from_folded_planes_in_all_offsets():
     _, shell, one = catenoid_window()
     ground = Ground.of(shell)
     start = place_stations(ground.finder, one, 10.0, 250.0, 20.0)
-    sides = flat_sides(ground, one, start, 20.0, 250.0)
-    made = fold(shell, ground, one, start, sides, Wanted(20.0, DEPTH, 250.0))
+    sides = flat_sides(ground, one, start, Wanted(20.0, DEPTH, 250.0))
+    made = fold(shell, ground, one, start, sides)
 
     def close(stations):
         fence = build_fence(one, stations, 20.0)

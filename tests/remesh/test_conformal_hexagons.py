@@ -1,5 +1,7 @@
 """Cross-ratios, quasi-circular polygons, and the six properties of conformal hexagons."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -162,6 +164,79 @@ def test_the_six_properties_hold_on_random_conformal_hexagons():
             scale = 30.0 if name in ("v", "vi") else 1.0  # these two are lengths
             assert np.abs(residual).max() < 1e-12 * scale, name
     assert hexagon_properties(z).worst.max() < 1e-12
+
+
+class Gaussian:
+    """A complex number with rational parts, so that an identity holds exactly or not at all."""
+
+    def __init__(self, x, y=0):
+        self.x, self.y = Fraction(x), Fraction(y)
+
+    def __add__(self, other):
+        return Gaussian(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other):
+        return Gaussian(self.x - other.x, self.y - other.y)
+
+    def __mul__(self, other):
+        return Gaussian(self.x * other.x - self.y * other.y, self.x * other.y + self.y * other.x)
+
+    def __truediv__(self, other):
+        size = other.x**2 + other.y**2
+        return self * Gaussian(other.x / size, -other.y / size)
+
+    def __eq__(self, other):
+        return (self.x, self.y) == (other.x, other.y)
+
+    def __hash__(self):
+        return hash((self.x, self.y))
+
+    def bar(self):
+        return Gaussian(self.x, -self.y)
+
+
+def test_the_six_properties_hold_exactly_in_rational_numbers():
+    rng = np.random.default_rng(21)
+    one, half, two = Gaussian(1), Gaussian(Fraction(1, 2)), Gaussian(2)
+
+    def inverted(z):
+        return one / z.bar()
+
+    def last(z0, z1, z3):
+        """z2 with (z0 − z1)(z2 − z3) / ((z1 − z2)(z3 − z0)) = −1/2."""
+        top, low = z0 - z1, (z0 - z3) * half
+        return (top * z3 + low * z1) / (top + low)
+
+    tried = 0
+    for _ in range(300):
+        z0, z1, z3, z5 = (Gaussian(*pair) for pair in rng.integers(-30, 31, (4, 2)).tolist())
+        try:
+            z2, z4 = last(z0, z1, z3), last(z0, z5, z3)
+            z = [z0, z1, z2, z3, z4, z5]
+            a = [z[(k + 1) % 6] - z[k] for k in range(6)]
+            b = z0 - z3
+            assert a[0] * a[2] / (a[1] * b) == Gaussian(Fraction(-1, 2))
+            assert a[3] * a[5] / (a[4] * b) == half
+            weights = [Gaussian(w) for w in (-1, 2, -1, -1, 2, -1)]
+            s = [Gaussian(0)]
+            for weight, edge in zip(weights, a, strict=True):
+                s.append(s[-1] + weight * inverted(edge))
+        except ZeroDivisionError:  # corners coincide
+            continue
+        tried += 1
+        assert s[6] == s[0]
+        assert s[0] - s[3] == two * inverted(b)
+        minus = Gaussian(Fraction(-1, 2))
+        assert (s[0] - s[1]) * (s[2] - s[3]) / ((s[1] - s[2]) * (s[3] - s[0])) == minus
+        assert (s[0] - s[5]) * (s[4] - s[3]) / ((s[5] - s[4]) * (s[3] - s[0])) == minus
+        three = Gaussian(3)
+        for i, j, k, l in ((1, 3, 0, 2), (2, 0, 3, 1), (5, 3, 0, 4), (4, 0, 3, 5)):
+            assert s[i] - s[j] == three * inverted(z[k] - z[l])
+        t = [z0]
+        for k, weight in enumerate(weights):
+            t.append(t[-1] + weight * inverted(s[k + 1] - s[k]))
+        assert t == [*z, z0]
+    assert tried > 280
 
 
 def test_the_properties_fail_together_on_other_hexagons():

@@ -3,17 +3,19 @@
 import numpy as np
 import pytest
 from dupin_samples import bumpy_roof, graph, hypar, sphere_cap, torus
+from scipy.spatial import cKDTree
 
 from phexfab.errors import LatticeError
 from phexfab.mesh.half_edges import border_loops
 from phexfab.mesh.measures import edges, planarity
+from phexfab.remesh.conjugate.base import base_curves, even
 from phexfab.remesh.conjugate.fields import (
     conjugate_direction,
     field_family,
     level_family,
     principal_family,
 )
-from phexfab.remesh.conjugate.net import base_curves, conjugate_net, even
+from phexfab.remesh.conjugate.net import conjugate_net
 from phexfab.surface.freeform.surface import Bending, implicit
 
 AXES = np.array([6e3, 4e3, 3e3])
@@ -149,3 +151,28 @@ def test_rows_beyond_the_base_curve_are_refused():
         conjugate_net(base, [0.0, 1e5], [0.0, 100.0])
     with pytest.raises(LatticeError, match="increasing"):
         conjugate_net(base, [0.0, -100.0], [0.0, 100.0])
+
+
+def test_a_net_turned_is_the_net_traced_the_other_way():
+    surface, family = hypar(), principal_family()
+    one = net_of(surface, family, 600.0)
+    base = base_curves(surface, family, 600.0, swapped=True)
+    two = conjugate_net(base, even(base, 600.0, 1), even(base, 600.0, 0))
+    turned = one.turned()
+    assert turned.there.sum() == two.there.sum() == one.there.sum()
+    assert (turned.there == one.there.T).all() and turned.closed == one.closed[::-1]
+    # The same points, perhaps the other way round.
+    points = turned.points[turned.there]
+    assert cKDTree(points).query(two.points[two.there])[0].max() < 1e-6
+    assert np.nanmax(turned.conjugacy()) < 1e-9
+    assert turned.turned().base.fields.swapped == one.base.fields.swapped
+
+
+def test_tangents_run_the_way_of_their_curves_all_over_a_net():
+    net = net_of(dome(), principal_family(), 500.0)
+    ahead = net.points[:, 1:] - net.points[:, :-1]
+    up = net.points[1:] - net.points[:-1]
+    there = net.there[:, 1:] & net.there[:, :-1]
+    assert ((ahead * net.tangents[:, :-1, 0]).sum(-1)[there] > 0).all()
+    there = net.there[1:] & net.there[:-1]
+    assert ((up * net.tangents[:-1, :, 1]).sum(-1)[there] > 0).all()

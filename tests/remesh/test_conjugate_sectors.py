@@ -2,12 +2,17 @@
 
 import numpy as np
 import pytest
-from dupin_samples import hypar, monkey_saddle
+from dupin_samples import bumpy_roof, hypar, monkey_saddle
+from scipy.spatial import cKDTree
 
 from phexfab.errors import LatticeError
 from phexfab.mesh.measures import relative_planarity, simple_faces
-from phexfab.remesh.conjugate.fields import principal_family
-from phexfab.remesh.conjugate.sectors import conjugate_sectors
+from phexfab.remesh.conjugate import hexagons
+from phexfab.remesh.conjugate.fields import field_family, plane_families, principal_family
+from phexfab.remesh.conjugate.hexagons import chosen_bricks, planar_hexagons
+from phexfab.remesh.conjugate.sectors import CLEAR, conjugate_sectors
+from phexfab.remesh.coverage import coverage
+from phexfab.remesh.triangulations.fields import smooth_rows
 
 SIZE = 600.0
 
@@ -66,3 +71,44 @@ def test_one_net_is_enough_where_it_covers_all():
 def test_nets_are_at_least_one():
     with pytest.raises(LatticeError, match="nets = 0"):
         conjugate_sectors(monkey_saddle(), principal_family(), SIZE, nets=0)
+
+
+def test_curves_of_further_nets_end_before_the_faces_of_those_before(sectors):
+    first, second = sectors.nets[:2]
+    start = first.mesh.vertices[first.mesh.corners]
+    middle = (start + start[first.mesh.next_corner]) / 2
+    marks = cKDTree(np.concatenate([start, middle]))
+    for curves in second.bricks.net.curves:
+        for k in range(len(curves.first)):
+            samples = curves.points[k, curves.first[k] : curves.last[k] + 1]
+            assert marks.query(samples)[0].min() >= CLEAR * SIZE
+
+
+def test_of_several_families_the_one_that_covers_most_is_followed():
+    surface = bumpy_roof()
+    field, planes = field_family(smooth_rows(surface)), plane_families(surface)
+    options = {"nets": 1, "crossing": "drop"}
+    made = conjugate_sectors(surface, [field, *planes], 900.0, **options)
+    alone = conjugate_sectors(surface, field, 900.0, **options)
+    assert made.families[0] in planes and alone.families == (field,)
+    assert coverage(surface, made.mesh).share > coverage(surface, alone.mesh).share + 0.1
+
+
+def test_a_face_flung_out_counts_as_one_that_crosses_itself(monkeypatch):
+    bricks, _ = chosen_bricks(hypar(), principal_family(), SIZE)
+    fine = planar_hexagons(bricks)
+    monkeypatch.setattr(hexagons, "FLUNG", 0.5)
+    kept = planar_hexagons(bricks, crossing="keep")
+    assert len(kept.crossing) == fine.mesh.n_faces
+    with pytest.raises(LatticeError, match="are flung out, first face"):
+        planar_hexagons(bricks)
+    with pytest.raises(LatticeError, match="every face crosses itself"):
+        planar_hexagons(bricks, crossing="drop")
+
+
+def test_a_seed_too_near_the_border_is_refused_before_anything_is_traced():
+    surface = hypar()
+    u0, u1, v0, v1 = surface.domain
+    near = [u0 + 1e-3 * (u1 - u0), v0 + 1e-3 * (v1 - v0)]
+    with pytest.raises(LatticeError, match=r"through the seed at .* mm long, too short"):
+        chosen_bricks(surface, field_family([1.0, -1.0, 0.0]), SIZE, seed=near)

@@ -52,6 +52,67 @@ def test_hyperbolic_conditions_are_equivalent():
     assert ((validity(triangles, kappa) > 0) == valid).all()
 
 
+def crossing_free(polygons):
+    """Whether polygons (n, 6, 2) are simple: every two edges, by the sides their ends are on."""
+
+    def side(a, b, c):
+        one, two = b - a, c - a
+        return np.sign(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+
+    good = np.ones(len(polygons), bool)
+    ends = [(polygons[:, k], polygons[:, (k + 1) % 6]) for k in range(6)]
+    for i in range(6):
+        for j in range(i + 2, 6 if i else 5):
+            (a, b), (c, d) = ends[i], ends[j]
+            good &= ~((side(a, b, c) != side(a, b, d)) & (side(c, d, a) != side(c, d, b)))
+    return good
+
+
+def faces_of_tangent_planes(triangles, kappa):
+    """The faces in the tangent plane of the middle, of all seven points on the paraboloid."""
+    o, a, b = (triangles[:, k] for k in range(3))
+    around = [a, b, b - a + o, 2 * o - a, 2 * o - b, a - b + o]
+    corners = []
+    for k in range(6):
+        points = np.stack([o, around[k], around[(k + 1) % 6]], axis=1)
+        planes = np.concatenate([-kappa[:, None] * points, np.ones((COUNT, 3, 1))], axis=2)
+        height = -0.5 * (kappa[:, None] * points**2).sum(-1)
+        corners.append(np.linalg.solve(planes, height[..., None])[:, :2, 0])
+    return np.stack(corners, axis=1)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_conditions_decide_whether_tangent_planes_of_a_whole_star_cut_a_simple_face(sign):
+    triangles, kappa = stars(sign, 11)
+    simple = crossing_free(faces_of_tangent_planes(triangles, kappa))
+    assert 0.1 < simple.mean() < 0.9
+    conditions = (
+        (star_is_valid, centre_is_inside, free_of_conjugate_pairs)
+        if sign > 0
+        else (star_is_valid, corners_on_both_branches, directions_in_both_ranges)
+    )
+    for condition in conditions:
+        assert (condition(triangles, kappa) == simple).all()
+    assert ((validity(triangles, kappa) > 0) == simple).all()
+
+
+def test_no_pair_of_conjugate_directions_encloses_the_edges_of_a_valid_triangle():
+    triangles, kappa = stars(1, 12)
+    valid = star_is_valid(triangles, kappa)
+    edge = np.roll(triangles, -1, axis=1) - triangles
+    # Where the ellipse is the unit circle conjugate means at right angles: pairs (t, t + 90).
+    flat = edge * np.sqrt(np.abs(kappa))[:, None]
+    angle = np.degrees(np.arctan2(flat[..., 1], flat[..., 0])) % 180
+    enclosed = np.zeros(COUNT, bool)
+    for t in np.arange(0.0, 90.0, 0.25):
+        first = ((angle - t) % 180 < 90).sum(axis=1)
+        enclosed |= (first == 0) | (first == 3)
+    assert not (enclosed & valid).any()
+    # Those that are not valid have such a pair, unless it lies between the sampled ones.
+    assert (enclosed | valid).mean() > 0.995
+    assert (np.abs(validity(triangles, kappa)[~(enclosed | valid)]) < 0.05).all()
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_star_does_not_depend_on_the_fundamental_triangle(sign):
     triangles, kappa = stars(sign, 1)

@@ -1,5 +1,7 @@
 """Lattices grown on whole domains: exact, closed up around umbilics, and good for shells."""
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -176,6 +178,33 @@ def test_domains_without_room_are_refused():
         grow_lattice(surface("enneper"), Disc(0, 0.1), panel_size=0.3)
     with pytest.raises(LatticeError, match=r"a smaller lattice\.panel_size"):
         grow_lattice(surface("enneper"), Disc(0, 1, ((0.03 + 0.04j, 0.001),)), panel_size=0.2)
+
+
+def test_a_seam_between_two_formulas_costs_no_charts():
+    """Formulas that agree to 1e-10 only: no square beside the seam can hide that."""
+
+    def smooth(z):
+        return np.exp(0.3 * z)
+
+    def seamed(z):
+        return smooth(z) * (1 + 1e-10 * (np.real(z) > 0.1))
+
+    plain = build_atlas(smooth, UNIT, np.zeros(0, complex), np.zeros(0, int))
+    atlas = build_atlas(seamed, UNIT, np.zeros(0, complex), np.zeros(0, int))
+    assert len(atlas.centre) <= 2 * len(plain.centre)
+    z = UNIT.grid(40)
+    chart = atlas.chart_at(z)
+    assert (chart >= 0).all()
+    assert np.allclose(atlas.coordinate(chart, z)[1] ** 2, smooth(z), rtol=1e-8)
+
+
+def test_a_chart_that_holds_nowhere_is_quietly_its_centre():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        atlas = build_atlas(np.ones_like, UNIT, np.array([0.3 + 0j]), np.array([1]))  # no zero
+        z, found = atlas.place(np.zeros(3, int), np.array([0.0, 0.1, 2.0 + 1j]))
+    assert found.tolist() == [True, False, False]
+    assert z[0] == 0.3 and np.isfinite(z).all()
 
 
 def test_the_same_lattice_every_time():

@@ -14,6 +14,7 @@ from phexfab.remesh.lattice import lattice
 from phexfab.remesh.planarity.hold import BorderCurve
 from phexfab.remesh.planarity.nearest import MeshReference
 from phexfab.remesh.planarity.planarise import planarise
+from phexfab.remesh.planarity.rows import PlanarRows
 from phexfab.surface import surface
 from phexfab.surface.freeform.surface import implicit, parametric
 from phexfab.triangular import EQUILATERAL
@@ -114,6 +115,25 @@ def test_faces_of_any_number_of_sides():
     found = planarise(mesh, keep_border=False)
     assert off_planes(found.mesh).max() < 1e-12 * mean_edge(mesh)
     assert found.report.planarity_before > 1e-3
+
+
+@pytest.mark.parametrize("mesh", [hourglass(faces=60), mixed()], ids=["hexagons", "mixed"])
+def test_rows_are_the_change_of_heights(mesh):
+    # At a planar mesh the residual is linear in small motions, and its size is that of heights.
+    mesh = planarise(mesh, keep_border=False).mesh
+    rows = PlanarRows(mesh)
+    at, jacobian, residual = rows.linearise(mesh.vertices)
+    assert np.abs(residual).max() < 1e-12 * mean_edge(mesh)
+    assert abs(jacobian @ jacobian.T).diagonal() == pytest.approx(np.ones(len(rows)), abs=1e-12)
+    for k, columns in enumerate(at.bases):
+        flat = np.einsum("nkf,nlf->fkl", columns, columns)
+        assert np.abs(flat - np.eye(flat.shape[1])).max() < 1e-13, k
+    move = np.random.default_rng(6).normal(size=mesh.vertices.shape)
+    step = 1e-6 * mean_edge(mesh)
+    heights = rows.heights(mesh.vertices + step * move)
+    change = rows.residual(at, heights) / step
+    assert np.abs(jacobian @ move.ravel() - change).max() < 1e-4
+    assert np.linalg.norm(change) == pytest.approx(rows.size(heights) / step, rel=1e-4)
 
 
 def test_what_is_planar_does_not_move():

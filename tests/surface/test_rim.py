@@ -260,10 +260,12 @@ def test_rounding_is_smooth_and_keeps_its_word(quad_rim):
     turns = np.radians(quad_rim.turning(quad_rim.corners))
     for corner, turn in zip(QUAD, turns, strict=True):
         away = np.linalg.norm(soft.point(t) - corner, axis=1).min()
-        # (1 + 7·2/3 + 21/3)/128 of both radii's sum: Bézier's middle point.
-        stated = 2 * (1 + 14 / 3 + 7) / 128 * radius * np.sin(turn / 2)
+        # Bézier's middle point, whose controls go on along the sides as fast as a circular arc.
+        steps = 2 * np.arange(4) * (turn / 2) / np.tan(turn / 2) / 7
+        stated = 2 * radius * np.sin(turn / 2) * ((1 - steps) @ [1, 7, 21, 35]) / 128
         assert away == pytest.approx(stated, rel=1e-3)
-        assert stated == pytest.approx(0.198 * radius * np.sin(turn / 2), rel=1e-3)
+        named = radius * np.sin(turn / 2) * (1 - 11 / 32 * turn / np.tan(turn / 2))
+        assert stated == pytest.approx(named, rel=1e-12)
     # Outside the radius nothing moves.
     far = np.linalg.norm(soft.point(t)[:, None] - QUAD[None], axis=2).min(axis=1) > 1.001 * radius
     steps = np.roll(QUAD, -1, axis=0) - QUAD

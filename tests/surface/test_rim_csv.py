@@ -100,7 +100,7 @@ def test_tables_that_are_refused(tmp_path, text, message):
 
 
 def test_files_that_are_no_text(tmp_path):
-    with pytest.raises(DesignError, match="cannot be read as text"):
+    with pytest.raises(DesignError, match=r"absent\.csv: there is no such file; check the path"):
         read_rim_csv(tmp_path / "absent.csv")
     (tmp_path / "rim.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(DesignError, match="cannot be read as text"):

@@ -105,7 +105,7 @@ def test_ends_are_refused():
 
 
 def test_planes_are_refused():
-    with pytest.raises(SurfaceError, match="vanishes throughout"):
+    with pytest.raises(SurfaceError, match="the film is a plane"):
         hopf_zeros(np.zeros_like, UNIT)
 
 
@@ -120,3 +120,17 @@ def test_planes_are_refused():
 def test_impossible_domains(domain, message):
     with pytest.raises(SurfaceError, match=message):
         Disc(*domain)
+
+
+@pytest.mark.parametrize("gap", [1e-5, 3e-6, 3e-7, 1e-7, 3e-8, 1e-9])
+@pytest.mark.parametrize("place", [0.0, 0.3 + 0.2j, 0.5j])
+@pytest.mark.parametrize("towards", [1.0, np.exp(0.7j)])
+@pytest.mark.parametrize("count", [2, 3])
+def test_zeros_are_counted_however_near_they_are(gap, place, towards, count):
+    zeros = place + gap * towards * np.arange(count)
+    powers = P.polyfromroots(zeros)  # whose sum rounds to about 1e-16
+    found = hopf_zeros(lambda z: P.polyval(z, powers), UNIT)
+    assert found.orders.sum() == count
+    # Rounding moves a zero of order n by about eps^(1/n).
+    away = np.abs(found.places[:, None] - zeros).min(axis=1)
+    assert away.max() <= 2 * count * gap + 1e-15 ** (1 / count)

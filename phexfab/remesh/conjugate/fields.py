@@ -24,6 +24,7 @@ from phexfab.surface.freeform.surface import Bending, FreeformSurface
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Directions = Callable[[FloatArray, Bending], FloatArray]
+Free = Callable[[FloatArray], BoolArray]
 
 UMBILIC = 0.01
 """|κ₁ − κ₂| over |κ₁| + |κ₂| below which principal directions count as undefined."""
@@ -77,6 +78,20 @@ def field_family(field: ArrayLike | Directions) -> Family:
         f"the curves along {vector.tolist()}",
         lambda points, bending: np.broadcast_to(vector, points.shape),
     )
+
+
+def plane_families(surface: FreeformSurface, count: int = 400) -> tuple[Family, Family]:
+    """Return the curves in planes across the longest and the second longest extent of a surface."""
+    points = surface.point(surface.seeds(count))
+    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
+
+    def across(axis: FloatArray) -> Family:
+        return Family(
+            f"the curves in planes across {axis.round(3).tolist()}",
+            lambda points, bending: np.cross(bending.normals, axis),
+        )
+
+    return across(axes[0]), across(axes[1])
 
 
 def level_family(
@@ -154,20 +169,24 @@ class Fields:
     swapped : bool
     least_angle : float
         Degrees between the families, below which a curve ends.
+    free : callable, optional
+        Which points (k, 3) curves may go to, as if the border were where it says no.
     """
 
     surface: FreeformSurface
     family: Family
     swapped: bool = False
     least_angle: float = 20.0
+    free: Free | None = None
 
     def at(self, u: FloatArray) -> Here:
         """Return both directions at parameters (k, ·)."""
-        first, second = self.surface.derivatives(u)
+        points = self.surface.point(u)
+        # A parameter of an implicit surface is a point near it: near enough is found once.
+        first, second = self.surface.derivatives(points if self.surface.domain is None else u)
         normals = np.cross(first[:, 0], first[:, 1])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         bending = bending_of(first, second, normals)
-        points = self.surface.point(u)
         a = np.asarray(self.family.directions(points, bending), float)
         a = a - np.einsum("ki,ki->k", a, normals)[:, None] * normals
         length = np.linalg.norm(a, axis=1)
@@ -185,6 +204,13 @@ class Fields:
         near = np.abs(turn) < np.sin(np.radians(self.least_angle))
         why = np.where(lost, 1, np.where(near, 2, 0))
         return Here(points, bending, first, np.stack([a, b], axis=1), why)
+
+    def inside(self, u: FloatArray, points: FloatArray | None = None) -> BoolArray:
+        """Return (k,) whether curves may go to parameters, of these points if they are known."""
+        within = self.surface.inside(u)
+        if self.free is None:
+            return within
+        return within & self.free(self.surface.point(u) if points is None else points)
 
     def forward(self, here: Here, vectors: FloatArray) -> FloatArray:
         """Return the parameters' rates (k, ·) along tangent vectors (k, 3)."""

@@ -8,11 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from phexfab.errors import LatticeError, SolveError
-from phexfab.mesh.measures import simple_faces
+from phexfab.mesh.measures import face_centroids, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.remesh.conjugate.fields import Family
-from phexfab.remesh.conjugate.net import Base, ConjugateNet, base_curves, conjugate_net, joined
-from phexfab.remesh.conjugate.sampling import Sampling, crossing_number, sample
+from phexfab.remesh.conjugate.base import Base, base_curves
+from phexfab.remesh.conjugate.fields import Family, Free
+from phexfab.remesh.conjugate.net import ConjugateNet, conjugate_net, joined
+from phexfab.remesh.conjugate.sampling import (
+    Sampling,
+    crossing_number,
+    probed,
+    require_room,
+    sample,
+)
+from phexfab.remesh.fewer_panels import reach
 from phexfab.remesh.planarity.nearest import FreeformReference
 from phexfab.remesh.planarity.planarise import Planarised, planarise
 from phexfab.surface.freeform.surface import FreeformSurface
@@ -21,6 +29,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 ROUNDS = 8  # of leaving out crossing faces
+FLUNG = 4.0  # reach of a planar face over its brick's
 BOUND = 0.45  # of a brick's height: the most that a vertex moves along its column
 
 
@@ -63,9 +72,10 @@ class ConjugateHexagons:
         The brick of each face.
     planarised : Planarised
     crossing : (k,) int
-        Faces that are not simple; none unless they were to be kept.
+        Faces that are not simple, or reach four times as far as their bricks; none unless they
+        were to be kept.
     dropped : (d,) int
-        Bricks left out because their faces were not simple.
+        Bricks left out for that reason.
     sampling : Sampling or None
         How rows and columns were chosen, if they were.
     """
@@ -174,8 +184,8 @@ def conjugate_hexagons(
         What a square distance from the surface costs, over a square motion along it; 0: the nearest
         planar mesh.
     crossing : "raise", "drop" or "keep"
-        What becomes of faces that cross themselves: an error that names them, a mesh without them,
-        or a mesh with them, numbered in ``crossing``.
+        What becomes of faces that cross themselves or are flung out: an error that names them, a
+        mesh without them, or a mesh with them, numbered in ``crossing``.
 
     Raises
     ------
@@ -209,22 +219,27 @@ def chosen_bricks(
     longest: float = 3.0,
     least_angle: float = 20.0,
     start: str = "tangent",
+    free: Free | None = None,
 ) -> tuple[Bricks, Sampling]:
     """Return the layout that ``conjugate_hexagons`` begins with, and how it was sampled.
 
-    Parameters and errors are those of ``conjugate_hexagons``.
+    Parameters and errors are those of ``conjugate_hexagons``; ``free`` says which points (k, 3)
+    the net may reach.
     """
     swaps = {"family": (False,), "conjugate": (True,), "auto": (False, True)}
     if rows not in swaps:
         raise LatticeError(f'rows = "{rows}": "family", "conjugate" or "auto"')
     found: list[Sampling] = []
     refused: list[LatticeError] = []
+    base = base_curves(surface, family, size, seed=seed, least_angle=least_angle, free=free)
+    probe: ConjugateNet | None = None
     for swapped in swaps[rows]:
-        base = base_curves(
-            surface, family, size, seed=seed, swapped=swapped, least_angle=least_angle
-        )
+        way = base.turned() if swapped else base
         try:
-            found.append(sample(base, size, shift=shift, limit=limit, longest=longest))
+            require_room(way, size)
+            probe = probed(base, size) if probe is None else probe
+            net = probe.turned() if swapped else probe
+            found.append(sample(way, size, shift=shift, limit=limit, longest=longest, probe=net))
         except LatticeError as error:
             refused.append(error)
     if not found:
@@ -250,11 +265,13 @@ def planar_hexagons(
     surface = bricks.net.surface
     near = FreeformReference(surface) if closeness > 0 else None
     mesh, faces = bricks.mesh, np.arange(bricks.mesh.n_faces)
+    middles = face_centroids(mesh)
+    far = FLUNG * reach(mesh, middles)
     for _ in range(ROUNDS):
         made = planarise(
             mesh, keep_border=False, reference=near, closeness=closeness or 1.0, strict=False
         )
-        bad = ~simple_faces(made.mesh)
+        bad = ~simple_faces(made.mesh) | (reach(made.mesh, middles[faces]) > far[faces])
         if not bad.any() or crossing != "drop":
             break
         if bad.all():
@@ -287,9 +304,10 @@ def _crossing_message(
     q = bricks.crossing_numbers[faces[found]]
     first = int(np.abs(q).argmax())
     face = int(found[first])
+    place = mesh.polygon(face).mean(axis=0).round(3).tolist()
     return (
-        f"{surface.name}: {len(found)} of {mesh.n_faces} faces cross themselves, first face {face} "
-        f"at {mesh.polygon(face).mean(axis=0).round(3).tolist()} with q = {q[first]:.3g} (simple "
+        f"{surface.name}: {len(found)} of {mesh.n_faces} faces cross themselves or are flung "
+        f"out, first face {face} at {place} with q = {q[first]:.3g} (simple "
         "to the order of the curvature while |q| < 1); take a smaller size or limit, rows along "
         'the other family, or crossing = "drop"'
     )

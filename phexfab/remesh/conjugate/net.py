@@ -15,41 +15,14 @@ from scipy.sparse.csgraph import connected_components
 
 from phexfab.errors import LatticeError
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.remesh.conjugate.fields import Family, Fields
+from phexfab.remesh.conjugate.base import FINE, Base, most_steps
+from phexfab.remesh.conjugate.fields import Fields
 from phexfab.remesh.conjugate.trace import Curves, meet, trace
 from phexfab.surface.freeform.surface import Bending, FreeformSurface
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
-FINE = 4  # steps of tracing per spacing
-MOST = 4000
-
-
-@dataclass(frozen=True, eq=False)
-class Base:
-    """The base row and column, through the seed."""
-
-    fields: Fields
-    row: Curves
-    column: Curves
-
-    @property
-    def step(self) -> float:
-        """mm between samples of curves."""
-        return self.row.step
-
-    def reach(self, which: int) -> tuple[float, float]:
-        """Return the least and greatest arc length of the base row (0) or column (1)."""
-        curve = (self.row, self.column)[which]
-        if curve.closed[0] > 0:
-            return 0.0, float(curve.closed[0])
-        return float(curve.low()[0]), float(curve.high()[0])
-
-    def closed(self, which: int) -> bool:
-        """Return whether the base row (0) or column (1) closes."""
-        return bool((self.row, self.column)[which].closed[0] > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +49,8 @@ class ConjugateNet:
         Whether rows close up, and columns.
     ends : dict of str to int
         How many ends of curves lie off the border, by reason.
+    curves : (Curves, Curves)
+        Rows and columns.
     """
 
     base: Base
@@ -90,11 +65,16 @@ class ConjugateNet:
     bending: Bending
     closed: tuple[bool, bool]
     ends: dict[str, int]
+    curves: tuple[Curves, Curves]
 
     @property
     def surface(self) -> FreeformSurface:
         """The surface it lies on."""
         return self.base.fields.surface
+
+    def turned(self) -> ConjugateNet:
+        """Return the same net, its columns as rows."""
+        return _met(self.base.turned(), self.columns, self.rows, self.curves[::-1])
 
     def curvatures(self) -> tuple[FloatArray, FloatArray]:
         """Return the (n, m) normal curvatures along rows and columns, 1/mm."""
@@ -160,56 +140,6 @@ class ConjugateNet:
         return joined(self.surface, self.points.reshape(-1, 3), faces)[0]
 
 
-def base_curves(
-    surface: FreeformSurface,
-    family: Family,
-    spacing: float,
-    *,
-    seed: ArrayLike | None = None,
-    swapped: bool = False,
-    least_angle: float = 20.0,
-) -> Base:
-    """Return the row and the column through a seed.
-
-    Parameters
-    ----------
-    surface : FreeformSurface
-    family : Family
-        Rows follow it, and columns are conjugate to it.
-    spacing : float
-        About how far apart curves will be, mm; sets the step of tracing.
-    seed : array_like, optional
-        Parameters of a point of the surface; without it the middle of the surface is taken, or
-        what of ``surface.seeds`` is nearest to it and regular.
-    swapped : bool
-        Columns follow the family, and rows are conjugate to it.
-    least_angle : float
-        Degrees between the families, below which curves end.
-
-    Raises
-    ------
-    LatticeError
-        If the spacing is out of range, or the directions are not defined at the seed; the message
-        names the place.
-    """
-    if not (np.isfinite(spacing) and 0 < spacing < surface.size):
-        raise LatticeError(
-            f"{surface.name}: spacing = {spacing:g} mm must lie between 0 and the surface's size, "
-            f"{surface.size:.6g} mm"
-        )
-    step = spacing / FINE
-    most = int(min(MOST, np.ceil(4 * surface.size / step)))
-    fields = Fields(surface, family, swapped, least_angle)
-    u = _middle(fields) if seed is None else np.asarray(seed, float).reshape(1, -1)
-    here = fields.at(u)
-    if here.why[0]:
-        raise LatticeError(
-            f"{surface.name}: at {here.points[0].round(3).tolist()} "
-            f"{fields.reason(int(here.why[0]))}; seed the net elsewhere, or give another family"
-        )
-    return Base(fields, trace(fields, u, 0, step, most), trace(fields, u, 1, step, most))
-
-
 def conjugate_net(base: Base, rows: ArrayLike, columns: ArrayLike) -> ConjugateNet:
     """Return the net of the curves that begin at arc lengths of the base column and row.
 
@@ -239,42 +169,38 @@ def conjugate_net(base: Base, rows: ArrayLike, columns: ArrayLike) -> ConjugateN
                 f"{fields.surface.name}: {name} from {values[0]:.6g} to {values[-1]:.6g} mm lie "
                 f"beyond the base curve, {low:.6g} to {high:.6g} mm"
             )
-    most = int(min(MOST, np.ceil(4 * fields.surface.size / step)))
+    most = most_steps(fields.surface, step)
     begun = [_begin(base, t, 1), _begin(base, s, 0)]
-    across = trace(fields, begun[0], 0, step, most, forward=base.closed(0))
-    upward = trace(fields, begun[1], 1, step, most, forward=base.closed(1))
+    signs = [_signs(base, begun[0], t, 1), _signs(base, begun[1], s, 0)]
+    across = trace(fields, begun[0], 0, step, most, forward=base.closed(0), signs=signs[0])
+    upward = trace(fields, begun[1], 1, step, most, forward=base.closed(1), signs=signs[1])
+    return _met(base, t, s, (across, upward))
+
+
+def _met(base: Base, t: FloatArray, s: FloatArray, curves: tuple[Curves, Curves]) -> ConjugateNet:
+    """Return the net of rows and columns that are traced already."""
+    fields, (across, upward) = base.fields, curves
     along, over, there = _crossings(base, across, upward, t, s)
     n, m = there.shape
     j, i = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(m), indexing="ij"))
     got = there.ravel()
-    u = np.full((n * m, begun[0].shape[1]), np.nan)
+    u = np.full((n * m, across.parameters.shape[-1]), np.nan)
     points = np.full((n * m, 3), np.nan)
     tangents = np.full((n * m, 2, 3), np.nan)
     jj, ii = j[got], i[got]
-    p = across.at(jj, along.ravel()[got])[0]
-    q = upward.at(ii, over.ravel()[got])[0]
+    p, right = across.at(jj, along.ravel()[got])
+    q, up = upward.at(ii, over.ravel()[got])
     u[got] = fields.surface.nearest((p + q) / 2, across.nearby(jj, along.ravel()[got]))
     here = fields.at(u[got])
-    points[got], tangents[got] = here.points, here.pair
+    ahead = (here.pair * np.stack([right, up], axis=1)).sum(-1)
+    points[got] = here.points
+    tangents[got] = here.pair * np.where(ahead < 0, -1.0, 1.0)[..., None]
     closed = (base.closed(0), base.closed(1))
     return ConjugateNet(
         base, t, s, there, points.reshape(n, m, 3), u.reshape(n, m, -1), along, over,
         tangents.reshape(n, m, 2, 3), _spread(here.bending, got, (n, m)), closed,
-        _ends(fields, across, upward),
+        _ends(fields, across, upward), curves,
     )  # fmt: skip
-
-
-def even(base: Base, spacing: float, which: int, *, multiple: int = 1) -> FloatArray:
-    """Return arc lengths at equal distances on the base row (0) or column (1).
-
-    From end to end, or around; the distance is the nearest to ``spacing`` that divides the curve a
-    multiple of ``multiple`` times.
-    """
-    low, high = base.reach(which)
-    least = 4 if base.closed(which) else 1
-    count = multiple * max(-(-least // multiple), round((high - low) / spacing / multiple))
-    every = np.linspace(low, high, count + 1)
-    return np.asarray(every[:-1] if base.closed(which) else every)
 
 
 def joined(
@@ -305,26 +231,21 @@ def joined(
     return mesh, used, kept
 
 
-def _middle(fields: Fields) -> FloatArray:
-    """Return (1, ·) parameters of the regular seed nearest to the middle of the surface."""
-    u = fields.surface.seeds(400)
-    here = fields.at(u)
-    good = here.why == 0
-    if not good.any():
-        raise LatticeError(
-            f"{fields.surface.name}: nowhere on it are conjugate families defined: "
-            f"{fields.reason(int(here.why[0]))}; give a field or a function"
-        )
-    # Places with regular ones all around come first: where the net can grow to all sides.
-    points = here.points[good]
-    centre = here.points.mean(axis=0)
-    spread = np.linalg.norm(here.points - centre, axis=1).mean()
-    lonely = np.zeros(len(points))
-    if not good.all():
-        bad = here.points[~good]
-        away = np.linalg.norm(points[:, None] - bad[None], axis=2).min(axis=1)
-        lonely = np.maximum(0.0, 0.3 * spread - away)
-    return u[good][[int((np.linalg.norm(points - centre, axis=1) + 4 * lonely).argmin())]]
+def _signs(base: Base, u: FloatArray, values: FloatArray, which: int) -> FloatArray:
+    """Return ±1, of the other family's fields at points of the base row (0) or column (1).
+
+    Fields have directions up to sign, to both families the same one; so that all curves run the
+    way of the base curve that they accompany.
+    """
+    curves, zero = (base.row, base.column), np.zeros(len(values), np.int64)
+
+    def along(u: FloatArray, number: int, s: FloatArray) -> FloatArray:
+        ahead = (base.fields.at(u).pair[:, number] * curves[number].at(zero[: len(s)], s)[1]).sum(1)
+        return np.where(ahead < 0, -1.0, 1.0)
+
+    origin = [base.row.parameters[:, base.row.origin], np.zeros(1)]
+    hand = along(origin[0], 0, origin[1]) * along(origin[0], 1, origin[1])
+    return along(u, which, values) * hand
 
 
 def _begin(base: Base, values: FloatArray, which: int) -> FloatArray:

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.errors import LatticeError
-from phexfab.remesh.conjugate.net import Base, ConjugateNet, conjugate_net
+from phexfab.remesh.conjugate.base import Base
+from phexfab.remesh.conjugate.net import ConjugateNet, conjugate_net
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -97,6 +98,7 @@ def sample(
     shift: float | None = None,
     limit: float = 0.75,
     longest: float = 3.0,
+    probe: ConjugateNet | None = None,
 ) -> Sampling:
     """Choose the rows of a net, and the shift, so that hexagons do not cross themselves.
 
@@ -115,6 +117,8 @@ def sample(
         |q| at most.
     longest : float
         The most that lengths and heights of bricks may differ from ``size`` by, as a factor.
+    probe : ConjugateNet, optional
+        What ``probed`` returns, if it is there already.
 
     Raises
     ------
@@ -125,7 +129,8 @@ def sample(
         raise LatticeError(f"limit = {limit:g} must lie between 0 and 1")
     if shift is not None and not 0 < shift < 1:
         raise LatticeError(f"shift = {shift:g} must lie between 0 and 1")
-    probe = conjugate_net(base, _probes(base, size, 1), _probes(base, size, 0))
+    require_room(base, size)
+    probe = probed(base, size) if probe is None else probe
     ka, kb = probe.curvatures()
     ga, gb = stretch(probe)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -137,6 +142,30 @@ def sample(
         if made.most <= limit * (1 + 1e-6):
             return made
     raise LatticeError(_hopeless(probe, ratio, made, limit, longest))
+
+
+def require_room(base: Base, size: float) -> None:
+    """Refuse base curves that are too short for one hexagon.
+
+    Raises
+    ------
+    LatticeError
+        The message names the curve, its place and its length.
+    """
+    for which, name, least in ((0, "row", size), (1, "column", LOW * size)):
+        low, high = base.reach(which)
+        if high - low < least:
+            place = base.row.points[0, base.row.origin].round(1).tolist()
+            raise LatticeError(
+                f"{base.fields.surface.name}: the {name} through the seed at {place} is "
+                f"{high - low:.4g} mm long, too short for a hexagon of {size:.4g} mm; take a "
+                "smaller size, or seed the net elsewhere"
+            )
+
+
+def probed(base: Base, size: float) -> ConjugateNet:
+    """Return the net by which ``sample`` looks at a surface: of two thirds of the size."""
+    return conjugate_net(base, _probes(base, size, 1), _probes(base, size, 0))
 
 
 def _chosen(

@@ -7,7 +7,9 @@ those stay that keep off the faces before. Pieces do not hang together.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from phexfab.errors import LatticeError, SolveError
+from phexfab.mesh.measures import face_centroids
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.remesh.conjugate.fields import Family
 from phexfab.remesh.conjugate.hexagons import (
@@ -24,8 +27,9 @@ from phexfab.remesh.conjugate.hexagons import (
     planar_hexagons,
 )
 from phexfab.remesh.conjugate.net import joined
+from phexfab.remesh.conjugate.sampling import Sampling
 from phexfab.remesh.coverage import under
-from phexfab.surface.freeform.surface import FreeformSurface
+from phexfab.surface.freeform.surface import FreeformSurface, ImplicitSurface
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -33,6 +37,9 @@ BoolArray = NDArray[np.bool_]
 NETS = 6
 BARE = 1.5  # of a brick: how far from faces a place must be for a net to begin there
 FEW = 4  # faces, below which a net is not worth while
+CLEAR = 0.5  # of a brick: how near to faces curves of a further net may come
+NEARLY = 0.9  # of the widest net's area
+TRIES = 2  # places to begin at, for each net that there may be
 _SEEDS = 4000
 _EDGE = 100  # samples a side of the domain
 
@@ -47,6 +54,8 @@ class ConjugateSectors:
         The faces of all nets, one net after the other; nets have no vertex in common.
     nets : tuple of ConjugateHexagons
         The first as ``conjugate_hexagons`` has it.
+    families : tuple of Family
+        What each net follows.
     net_of_face : (F,) int
     refused : tuple of str
         Why no net could begin at bare places that were tried, or what was wrong with it.
@@ -54,13 +63,14 @@ class ConjugateSectors:
 
     mesh: PolyMesh
     nets: tuple[ConjugateHexagons, ...]
+    families: tuple[Family, ...]
     net_of_face: NDArray[np.int64]
     refused: tuple[str, ...]
 
 
 def conjugate_sectors(
     surface: FreeformSurface,
-    family: Family,
+    family: Family | Sequence[Family],
     size: float,
     *,
     nets: int = NETS,
@@ -73,7 +83,9 @@ def conjugate_sectors(
     Parameters
     ----------
     surface, family, size, closeness, crossing
-        See ``conjugate_hexagons``; of later nets those that it would refuse are left out.
+        See ``conjugate_hexagons``; of later nets those that it would refuse are left out. Of
+        several families each net follows the one with which it covers most, the first of those
+        that cover nearly the same.
     nets : int
         How many there may be. No net begins nearer to faces than one and a half bricks.
     options
@@ -87,42 +99,96 @@ def conjugate_sectors(
     if nets < 1:
         raise LatticeError(f"{surface.name}: nets = {nets}; at least one is needed")
     asked: dict[str, Any] = {"closeness": closeness, "crossing": crossing}
-    bricks, sampling = chosen_bricks(surface, family, size, **options)
+    choice = [family] if isinstance(family, Family) else list(family)
+    chosen, bricks, sampling = _widest(surface, choice, size, **options)
+    families = [chosen]
     made = [replace(planar_hexagons(bricks, **asked), sampling=sampling)]
     options.pop("seed", None)
     seeds = surface.seeds(_SEEDS)
     places = surface.point(seeds)
     inward = _inward(surface, places)
-    bare = np.ones(len(seeds), bool)
+    fresh = np.ones(len(seeds), bool)
     refused: list[str] = []
-    while len(made) < nets and len(made) + len(refused) < 2 * nets:
+    for _ in range(TRIES * nets):
         mesh = _united([net.mesh for net in made])
-        away = cKDTree(mesh.vertices).query(places)[0]
-        bare &= (away >= BARE * size) & ~under(mesh, places)
-        if not bare.any():
+        marks = cKDTree(_marks(mesh))
+        away = np.minimum(marks.query(places)[0], inward)
+        fresh &= (away >= BARE * size) & ~under(mesh, places)
+        if len(made) == nets or not fresh.any():
             break
-        away = np.where(bare, np.minimum(away, inward), 0.0)
-        at = int(away.argmax())
+        at = int(np.where(fresh, away, 0.0).argmax())
         # Whether a net fits here or not, none begins beside this place again.
-        bare &= np.linalg.norm(places - places[at], axis=1) > max(0.8 * away[at], size)
+        fresh &= np.linalg.norm(places - places[at], axis=1) > max(0.8 * away[at], size)
+        free = partial(_far, marks, CLEAR * size)
         try:
-            bricks, sampling = chosen_bricks(surface, family, size, seed=seeds[at], **options)
+            chosen, bricks, sampling = _widest(
+                surface, choice, size, seed=seeds[at], free=free, **options
+            )
             apart = _apart(bricks, mesh)
             if apart is not None:
                 made.append(replace(planar_hexagons(apart, **asked), sampling=sampling))
+                families.append(chosen)
         except (LatticeError, SolveError) as error:
             refused.append(str(error))
     counts = [net.mesh.n_faces for net in made]
     return ConjugateSectors(
         _united([net.mesh for net in made]),
         tuple(made),
+        tuple(families),
         np.repeat(np.arange(len(made)), counts),
         tuple(refused),
     )
 
 
+def _widest(
+    surface: FreeformSurface, families: Sequence[Family], size: float, **options: Any
+) -> tuple[Family, Bricks, Sampling]:
+    """Return the family whose bricks cover most, with them; the first error where none does."""
+    found: list[tuple[Family, Bricks, Sampling]] = []
+    refused: list[LatticeError] = []
+    for family in families:
+        try:
+            found.append((family, *chosen_bricks(surface, family, size, **options)))
+        except LatticeError as error:
+            refused.append(error)
+    if not found:
+        raise refused[0]
+    areas = [_area(bricks) for _, bricks, _ in found]
+    return found[int(np.argmax(np.array(areas) > NEARLY * max(areas)))]
+
+
+def _area(bricks: Bricks) -> float:
+    """Return about the area of bricks, mm²."""
+    ring = bricks.mesh.vertices[bricks.mesh.corners.reshape(-1, 6)]
+    total = np.cross(ring, np.roll(ring, -1, axis=1)).sum(axis=1)
+    return float(np.nansum(np.linalg.norm(total, axis=1))) / 2
+
+
+def _marks(mesh: PolyMesh) -> FloatArray:
+    """Return points all over the faces of a mesh: about a third of a face apart."""
+    start = mesh.vertices[mesh.corners]
+    rim = np.concatenate([start, (start + start[mesh.next_corner]) / 2])
+    middle = face_centroids(mesh)
+    inner = np.tile(middle[mesh.face_of_corner], (2, 1))
+    rings = [inner + share * (rim - inner) for share in (1 / 3, 2 / 3, 1.0)]
+    return np.concatenate([middle, *rings])
+
+
+def _far(marks: cKDTree, radius: float, points: FloatArray) -> BoolArray:
+    """Return (k,) whether points are farther than a radius from all marks."""
+    return ~np.isfinite(marks.query(points, distance_upper_bound=radius)[0])
+
+
 def _inward(surface: FreeformSurface, places: FloatArray) -> FloatArray:
-    """Return how far places (n, 3) are from the border of the domain, mm; inf without one."""
+    """Return how far places (n, 3) are from the border, mm; inf where there is none."""
+    if isinstance(surface, ImplicitSurface):
+        if surface.sites is None:
+            walls = np.minimum(places - surface.low, surface.high - places)
+            return np.asarray(walls.min(axis=1))
+        edge = surface.sites[~surface.inside(surface.sites)]
+        if not len(edge):
+            return np.full(len(places), np.inf)
+        return np.asarray(cKDTree(edge).query(places)[0])
     if surface.domain is None or all(surface.periodic):
         return np.full(len(places), np.inf)
     u0, u1, v0, v1 = surface.domain

@@ -104,7 +104,14 @@ class Curves:
 
 
 def trace(
-    fields: Fields, start: FloatArray, which: int, step: float, most: int, *, forward: bool = False
+    fields: Fields,
+    start: FloatArray,
+    which: int,
+    step: float,
+    most: int,
+    *,
+    forward: bool = False,
+    signs: FloatArray | None = None,
 ) -> Curves:
     """Return the curves of family 0 or 1 through parameters (k, ·).
 
@@ -114,15 +121,24 @@ def trace(
         Steps to each side.
     forward : bool
         Trace to one side only.
+    signs : (k,) float, optional
+        ±1, of the direction that the fields give at the start.
     """
     here = fields.at(start)
-    ahead = _one_way(fields, start, here, which, step, most, 1.0)
-    loop = ahead[3] > 0
-    if forward or loop.all():
+    k = len(start)
+    flip = np.ones(k) if signs is None else signs
+    if forward:
+        ahead = _traced(fields, start, here, which, step, most, flip)
         back = _empty(start, here.points)
     else:
-        back = _one_way(fields, start, here, which, step, most, -1.0)
-    k = len(start)
+        # Both ways at once: a step of many curves costs little more than a step of a few.
+        twice = np.tile(np.arange(k), 2)
+        both = _traced(
+            fields, start[twice], _some(here, twice), which, step, most,
+            np.concatenate([flip, -flip]),
+        )  # fmt: skip
+        ahead, back = _half(both, slice(0, k)), _half(both, slice(k, None))
+    loop = ahead[3] > 0
     n0, n1 = back[0].shape[1] - 1, ahead[0].shape[1] - 1
     turned = np.concatenate([-back[1][:, :0:-1], ahead[1]], axis=1)
     return (
@@ -198,6 +214,21 @@ def _empty(start: FloatArray, points: FloatArray) -> Way:
     )
 
 
+def _half(way: Way, part: slice) -> Way:
+    """Return some of the curves, no longer than the longest of them."""
+    points, tangents, parameters, closed, count, ends, spare = way
+    end = int(count[part].max(initial=0)) + 1
+    return (
+        points[part, :end],
+        tangents[part, :end],
+        parameters[part, :end],
+        closed[part],
+        count[part],
+        ends[part],
+        spare[part],
+    )
+
+
 def _padded(fields: Fields, start: FloatArray, here: Here, which: int, step: float) -> Curves:
     """Curves of no length: two samples, so that they can be evaluated."""
     k = len(start)
@@ -211,14 +242,21 @@ def _padded(fields: Fields, start: FloatArray, here: Here, which: int, step: flo
     )  # fmt: skip
 
 
-def _one_way(
-    fields: Fields, start: FloatArray, here: Here, which: int, step: float, most: int, sign: float
+def _traced(
+    fields: Fields,
+    start: FloatArray,
+    here: Here,
+    which: int,
+    step: float,
+    most: int,
+    signs: FloatArray,
 ) -> Way:
     k = len(start)
-    u, direction = start.copy(), sign * here.pair[:, which]
+    u, direction = start.copy(), signs[:, None] * here.pair[:, which]
     begin, heading = here.points, direction.copy()
     points, tangents, parameters = [here.points], [direction.copy()], [start.copy()]
     count, closed, spare = np.zeros(k, np.int64), np.zeros(k), np.zeros(k)
+    beyond = np.full_like(u, np.nan)
     left = np.full(k, most)
     ends = np.where(here.why > 0, here.why, -1)
     alive = np.flatnonzero(here.why == 0)
@@ -230,7 +268,7 @@ def _one_way(
         good = fate == 0
         ends[alive[~good]] = np.where(fate[~good] == 9, -1, fate[~good])
         out = fate == 9
-        spare[alive[out]] = _inside_share(fields, u[alive[out]], ahead[out])
+        beyond[alive[out]] = ahead[out]
         kept = alive[good]
         u[kept], direction[kept] = ahead[good], way[good]
         at = points[-1].copy()
@@ -252,6 +290,8 @@ def _one_way(
         going = left[kept] > 0
         alive = kept[going]
         now = _some(after, np.flatnonzero(good)[going])
+    out = np.isfinite(beyond).all(axis=1)
+    spare[out] = _inside_share(fields, u[out], beyond[out])
     x, d, v = (np.stack(values, axis=1) for values in (points, tangents, parameters))
     return x, d, v, closed, count, ends, spare
 
@@ -261,7 +301,7 @@ def _inside_share(fields: Fields, u: FloatArray, beyond: FloatArray) -> FloatArr
     low, high = np.zeros(len(u)), np.ones(len(u))
     for _ in range(20 if len(u) else 0):
         middle = (low + high) / 2
-        within = fields.surface.inside(u + middle[:, None] * (beyond - u))
+        within = fields.inside(u + middle[:, None] * (beyond - u))
         low, high = np.where(within, middle, low), np.where(within, high, middle)
     return low
 
@@ -292,5 +332,5 @@ def _step(
     way = aligned(after)
     bent = (way * before).sum(1) < TURN
     fate = np.where(after.why > 0, after.why, np.where(bent, 3, 0))
-    fate = np.where(fields.surface.inside(ahead), fate, 9)
+    fate = np.where(fields.inside(ahead, after.points), fate, 9)
     return ahead, after, fate, way

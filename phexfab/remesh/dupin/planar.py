@@ -16,6 +16,7 @@ from phexfab.remesh.dupin.hexagons import (
     dual_polygons,
     dupin_centres,
 )
+from phexfab.remesh.fewer_panels import reach
 from phexfab.remesh.planarity.nearest import FreeformReference
 from phexfab.remesh.planarity.planarise import Planarised, planarise
 from phexfab.remesh.triangulations.valid import Triangulation
@@ -25,7 +26,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 ROUNDS = 8  # of leaving out crossing faces
-FLUNG = 4.0  # reach of a face over the median one
+FLUNG = 4.0  # reach of a face over the median one, where tangent planes hardly meet
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,8 @@ def dupin_hexagons(
         made = planarise(
             start, keep_border=False, reference=near, closeness=closeness or 1.0, strict=False
         )
-        bad = ~simple_faces(made.mesh) | _flung(made.mesh, triangulation.points[points])
+        far = reach(made.mesh, triangulation.points[points])
+        bad = ~simple_faces(made.mesh) | (far > FLUNG * np.median(far))
         if not bad.any() or crossing != "drop":
             break
         dropped = np.concatenate([dropped, points[bad]])
@@ -124,13 +126,6 @@ def dupin_hexagons(
             f"{made.planarity[worst]:.1e} of an edge from its plane; take a smaller step"
         )
     return DupinHexagons(made.mesh, start, points, made, found, np.sort(dropped))
-
-
-def _flung(mesh: PolyMesh, centres: FloatArray) -> BoolArray:
-    """Return (F,) faces with a corner out of all proportion, where tangent planes hardly meet."""
-    away = np.linalg.norm(mesh.vertices[mesh.corners] - centres[mesh.face_of_corner], axis=1)
-    reach = np.maximum.reduceat(away, mesh.starts[:-1])
-    return np.asarray(reach > FLUNG * np.median(reach))
 
 
 def _without(mesh: PolyMesh, bad: BoolArray) -> PolyMesh:

@@ -98,16 +98,23 @@ class Hold:
         border: BorderCurve | None,
         reference: Reference | None,
         closeness: float,
+        off_border: float = BORDER,
     ) -> None:
         self.start, self.fixed = start, fixed
         self.border, self.reference, self.closeness = border, reference, closeness
+        self.off_border = off_border
 
     @property
     def pulled(self) -> bool:
         """Whether anything but the start pulls at vertices."""
-        return self.reference is not None or (
+        return (self.reference is not None and self.closeness > 0) or (
             self.border is not None and len(self.border.vertices) > 0
         )
+
+    @property
+    def free(self) -> bool:
+        """Whether all vertices move at one cost in all directions: G is the identity."""
+        return not self.pulled and not self.fixed.any()
 
     def around(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return G (V, 3, 3) and the cheapest places a (V, 3), mm, seen from x."""
@@ -123,12 +130,13 @@ class Hold:
         if self.border is not None:
             v, foot, tangent = self.border.feet(x)
             along = tangent[:, :, None] * tangent[:, None, :]
-            inverse[v] = (np.eye(3) + BORDER * along) / (1 + BORDER)
+            cost = self.off_border
+            inverse[v] = (np.eye(3) + cost * along) / (1 + cost)
             off = np.eye(3) - along
-            pull[v] = self.start[v] + BORDER * np.einsum("vij,vj->vi", off, foot)
+            pull[v] = self.start[v] + cost * np.einsum("vij,vj->vi", off, foot)
             corner = self.border.corners
-            inverse[corner] = np.eye(3) / (1 + BORDER)
-            pull[corner] = (1 + BORDER) * self.start[corner]
+            inverse[corner] = np.eye(3) / (1 + cost)
+            pull[corner] = (1 + cost) * self.start[corner]
         anchor = np.einsum("vij,vj->vi", inverse, pull)
         inverse[self.fixed] = 0.0
         anchor[self.fixed] = self.start[self.fixed]
@@ -146,6 +154,6 @@ class Hold:
             total += self.closeness * float(gap @ gap)
         if self.border is not None:
             v, foot, _ = self.border.feet(x)
-            total += BORDER * float(((x[v] - foot) ** 2).sum())
-            total += BORDER * float((moved[self.border.corners] ** 2).sum())
+            total += self.off_border * float(((x[v] - foot) ** 2).sum())
+            total += self.off_border * float((moved[self.border.corners] ** 2).sum())
         return total

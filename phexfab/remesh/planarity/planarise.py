@@ -11,7 +11,7 @@ from phexfab.errors import MeshError, SolveError
 from phexfab.mesh.half_edges import border_loops
 from phexfab.mesh.measures import edges, mean_edge, planarity_and_simple, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
-from phexfab.remesh.planarity.hold import BorderCurve, Hold
+from phexfab.remesh.planarity.hold import BORDER, BorderCurve, Hold
 from phexfab.remesh.planarity.nearest import Reference, as_reference
 from phexfab.remesh.planarity.rows import PlanarRows
 from phexfab.remesh.planarity.steps import Edges, Steps, Walk
@@ -25,6 +25,8 @@ BoolArray = NDArray[np.bool_]
 
 CLOSENESS = 100.0
 """What a square distance from the reference surface costs, over one moved along it."""
+_LOOSER = (BORDER, BORDER / 100, 0.0)
+"""Squares of what a step off the border costs: the next where faces cross, or stay off planes."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +125,10 @@ def planarise(
         True: border vertices glide along the border curve, a spline through them between corners
         of more than 40°, at which they stay. A step off the curve counts a hundred times, so that
         they leave it only where faces with four and more border corners cannot be planar
-        otherwise; the report says how far. Where corner follows corner, as whole hexagons leave a
-        border, there is no curve and vertices are free. ``"fixed"``: border vertices do not move.
+        otherwise; the report says how far. Where faces would cross themselves for it, or not
+        become planar, it counts ten times, then no more than any other. Where corner follows
+        corner, as whole hexagons leave a border, there is no curve and vertices are free.
+        ``"fixed"``: border vertices do not move.
         False: they move like all others.
     reference : PolyMesh, MinimalSurface, FreeformSurface or Reference, optional
         A surface to stay close to.
@@ -166,22 +170,31 @@ def planarise(
     rows = PlanarRows(mesh)
     curve = BorderCurve(mesh) if keep_border is True else None
     near = None if reference is None else as_reference(reference)
-    hold = Hold(start, still, curve, near, closeness)
+    held = curve is not None and len(curve.vertices) > 0
 
     first = rows.heights(start)
-    walk = _walk(rows, first, hold, pairs, length, shortest, goal, most_steps)
-    x = np.where(still[:, None], start, walk.x)
-    made = replace(mesh, vertices=x)
-    off, simple = planarity_and_simple(made)
-    off = off / size
     before = rows.worst(first)[0] / size
-    new = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
-    report = _report(
-        mesh, made, walk, walk.height <= goal, before, off, simple, (length, new), shortest, hold
-    )
+    found: list[tuple[Planarised, Walk]] = []
+    for cost in _LOOSER if held else _LOOSER[:1]:
+        hold = Hold(start, still, curve if cost else None, near, closeness, cost)
+        walk = _walk(rows, first, hold, pairs, length, shortest, goal, most_steps)
+        x = np.where(still[:, None], start, walk.x)
+        made = replace(mesh, vertices=x)
+        off, simple = planarity_and_simple(made)
+        off = off / size
+        new = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
+        left = 0.0 if curve is None else curve.departure(x, start)
+        report = _report(
+            mesh, made, walk, goal, before, off, simple, (length, new), shortest, near, left
+        )
+        moved = np.linalg.norm(x - start, axis=1)
+        found.append((Planarised(made, moved, off, walk.steps, report), walk))
+        if report.converged and not report.crossing:
+            break
+    best, walk = min(found, key=lambda f: (not f[0].report.converged, len(f[0].report.crossing)))
     if strict:
-        _refuse(made, report, walk, size)
-    return Planarised(made, np.linalg.norm(x - start, axis=1), off, walk.steps, report)
+        _refuse(best.mesh, best.report, walk, size)
+    return best
 
 
 def _walk(
@@ -249,13 +262,14 @@ def _check(
         raise MeshError(f"tolerance = {tolerance:g}; a number above 0")
     count = np.add.reduceat(still[mesh.corners].astype(np.int64), mesh.starts[:-1])
     for f in np.flatnonzero(count > 3):
-        points = mesh.polygon(int(f))[still[mesh.face(int(f))]]
+        held = mesh.face(int(f))[still[mesh.face(int(f))]]
+        points = mesh.vertices[held]
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2]
         if spread > 1e-12 * mean_edge(mesh) + 8e-16 * np.abs(points).max():
             raise MeshError(
                 f"face {f} near {points.mean(axis=0).round(3).tolist()} has {count[f]} fixed "
                 f"corners that are {spread:.3g} mm off a plane; free one of vertices "
-                f"{mesh.face(int(f))[still[mesh.face(int(f))]].tolist()}"
+                f"{held.tolist()}, at {points.round(3).tolist()}"
             )
 
 
@@ -263,13 +277,14 @@ def _report(
     mesh: PolyMesh,
     made: PolyMesh,
     walk: Walk,
-    converged: bool,
+    goal: float,
     before: float,
     off: FloatArray,
     simple: BoolArray,
     lengths: tuple[FloatArray, FloatArray],
     shortest: float,
-    hold: Hold,
+    near: Reference | None,
+    off_border: float,
 ) -> PlanarReport:
     x = made.vertices
     moved = np.linalg.norm(x - mesh.vertices, axis=1)
@@ -279,11 +294,11 @@ def _report(
     if len(crossing):  # those that were not simple at first do not count
         crossing = crossing[simple_faces(mesh)[crossing]]
     off_reference = 0.0
-    if hold.reference is not None:
-        off_reference = float(np.linalg.norm(x - hold.reference.nearest(x)[0], axis=1).max())
+    if near is not None:
+        off_reference = float(np.linalg.norm(x - near.nearest(x)[0], axis=1).max())
     return PlanarReport(
         # Height is measured from the face's own plane; measures differ by rounding.
-        converged=bool(converged),
+        converged=bool(walk.height <= goal),
         planarity_before=before,
         planarity_after=float(off.max()),
         worst_face=int(off.argmax()),
@@ -295,7 +310,7 @@ def _report(
         shortest_after=float(new.min()),
         short_edges=int((share < shortest).sum()),
         crossing=tuple(int(f) for f in crossing),
-        off_border=0.0 if hold.border is None else hold.border.departure(x, hold.start),
+        off_border=off_border,
         off_reference=off_reference,
         steps=walk.steps,
         factorisations=walk.factored,

@@ -4,6 +4,8 @@ The nearest planar mesh is where the motion back to the start, x₀ − x, is GA
 alone. Newton's method on both, planarity and that, keeps λ from step to step, so that a step only
 corrects it: damping then slows the correction, and does not draw the mesh back off planar. Two
 steps bring the motion within 1 % of the least; the rest only flattens faces, by the last factor.
+The first is damped so much that conjugate gradients are cheaper than a factor, the more so the
+finer the mesh.
 
 Where the first step leaves much of the heights, planes turn on the way, and the way is bent: A's
 change with x, which these steps leave out of the equation for λ, would throw the second step past
@@ -11,7 +13,8 @@ the least motion. Half of it is taken then, with more damping, and the rest only
 
 References
 ----------
-Nocedal, Wright, "Numerical Optimization" (2006), ch. 18 (Newton–Lagrange steps); Rockafellar,
+Nocedal, Wright, "Numerical Optimization" (2006), ch. 5 (conjugate gradients), 18 (Newton–Lagrange
+steps); Rockafellar,
 "Augmented Lagrangians and applications of the proximal point algorithm in convex programming",
 Math. Oper. Res. 1 (1976), for damping in the multipliers.
 """
@@ -37,6 +40,8 @@ IntArray = NDArray[np.int64]
 _SHIFTS = (1e-3, 1e-5, 1e-6, 1e-7, 1e-8)  # damping over the mean diagonal, from factor to factor
 _BENT_SHIFTS = (1e-3, 1e-4, 1e-5, 1e-7)  # the same on a bent way
 _LEAST = 1e-9  # damping of all later ones
+_ROUGH = 1e-2  # of the right side: what conjugate gradients may leave of it in the first step
+_ROUNDS = 300  # they may take; with the first damping they need some 200 at most
 _SURE = 2e-6  # damping above which a solution needs no refinement: later steps correct it
 _BENT = 0.05  # of the heights: what the first step leaves where the way is straight
 _HALF = 0.5  # of the correction of λ: taken on a bent way
@@ -56,11 +61,35 @@ class _System:
     at: Linearised
     rows: Any  # A (m, 3V)
     moved: Any  # G Aᵀ (3V, m)
-    factor: Factor
+    factor: Factor | _Gradients
     refinements: int
 
     def solve(self, right: FloatArray) -> FloatArray:
         return self.factor.solve(right, self.refinements)
+
+
+@dataclass(frozen=True, eq=False)
+class _Gradients:
+    """A damped matrix that solves roughly, by conjugate gradients."""
+
+    matrix: Any
+    shift: float
+
+    def solve(self, right: FloatArray, refinements: int) -> FloatArray:
+        """Return x with ``(matrix + shift) x = right`` but for a hundredth of the right side."""
+        x, left, way = np.zeros_like(right), right.copy(), right.copy()
+        square = first = float(left @ left)
+        for _ in range(_ROUNDS):
+            if not square > _ROUGH**2 * first:
+                break
+            ahead = self.matrix @ way + self.shift * way
+            share = square / float(way @ ahead)
+            x += share * way
+            left -= share * ahead
+            last, square = square, float(left @ left)
+            way *= square / last
+            way += left
+        return x
 
 
 class _Mixed:
@@ -101,7 +130,7 @@ def swift_walk(
 
     ``heights`` are those of the start.
     """
-    x, steps, factored = hold.start.copy(), 0, 0
+    x, steps, solved = hold.start.copy(), 0, 0
     merit, (best, face) = rows.size(heights), rows.worst(heights)
     pushes: list[FloatArray] | None = None
     system: _System | None = None
@@ -109,11 +138,11 @@ def swift_walk(
     settled = bent = crooked = False
     while best > goal and steps < most and not crooked:
         at, planar, residual = rows.linearise(x)
-        inverse, anchor = hold.around(x)
+        inverse, anchor = (None, hold.start) if hold.free else hold.around(x)
         shifts = _BENT_SHIFTS if bent else _SHIFTS
-        shift = shifts[factored] if factored < len(shifts) else _LEAST
+        shift = shifts[solved] if solved < len(shifts) else _LEAST
         try:
-            system = _factorised(at, planar, inverse, shift, system, settled)
+            system = _system(at, planar, inverse, shift, system, settled)
             pull, weights = np.zeros(x.size), np.zeros(len(rows))
             if not settled:
                 if pushes is not None:
@@ -124,20 +153,20 @@ def swift_walk(
             more = system.solve(residual + along)
             step = (pull - system.moved @ more).reshape(-1, 3)
             aside = pull
-            if factored and not (settled or bent):
+            if solved and not (settled or bent):
                 aside = pull - system.moved @ system.solve(along)
         except SolveError:
-            return Walk(x, steps, factored, best, face, crooked=True)
-        factored, steps = factored + 1, steps + 1
+            return Walk(x, steps, max(solved - 1, 0), best, face, crooked=True)
+        solved, steps = solved + 1, steps + 1
         x = x + step
         if not settled:
             pushes = rows.pushes(at, weights + more)
         heights = rows.heights(x, at)
         size = rows.size(heights)
         # Where a surface or curve pulls, half a correction of λ is too far from the cheapest.
-        if factored <= 2 and not hold.pulled:
-            bent |= not size < (_BENT if factored == 1 else _NEAR) * merit
-        if factored == 1:
+        if solved <= 2 and not hold.pulled:
+            bent |= not size < (_BENT if solved == 1 else _NEAR) * merit
+        if solved == 1:
             crooked = not np.isfinite(size)
         else:
             keep = (_BENT_NEAR if settled else _MORE) if bent else _NEAR
@@ -161,7 +190,7 @@ def swift_walk(
         crooked |= bool((edges.directions(x)[1] < least).any())
     if bent and system is not None and not crooked:
         crooked = _stray(system, (hold.around(x)[1] - x).ravel())
-    return Walk(x, steps, factored, best, face, crooked or best > goal)
+    return Walk(x, steps, max(solved - 1, 0), best, face, crooked or best > goal)
 
 
 def _stray(system: _System, pull: FloatArray) -> bool:
@@ -170,25 +199,29 @@ def _stray(system: _System, pull: FloatArray) -> bool:
     return not np.linalg.norm(aside) < _STRAY * np.linalg.norm(pull)
 
 
-def _factorised(
+def _system(
     at: Linearised,
     planar: Any,
-    inverse: FloatArray,
+    inverse: FloatArray | None,
     shift: float,
     last: _System | None,
     rough: bool,
 ) -> _System:
-    n = len(inverse)
-    if (inverse == np.eye(3)).all():
-        moved = planar.T.tocsr()
-    else:
+    """Return the damped system of one place; the first one needs no factor."""
+    moved = planar.T
+    if inverse is not None:
+        n = len(inverse)
         blocks = sp.bsr_array((inverse, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n))
-        moved = (blocks.tocsr() @ planar.T).tocsr()
-    matrix = (planar @ moved).tocsc()
+        moved = (blocks if planar.format == "bsr" else blocks.tocsr()) @ moved
+    matrix = planar @ moved
     diagonal = matrix.diagonal()
-    matrix.setdiag(diagonal + shift * diagonal.mean())
+    damping = shift * diagonal.mean()
+    if last is None:
+        return _System(at, planar, moved, _Gradients(matrix, damping), 0)
+    matrix = matrix.tocsc()
+    matrix.setdiag(diagonal + damping)
     order = None
-    if last is not None and last.factor.matrix.nnz == matrix.nnz:
+    if isinstance(last.factor, Factor) and last.factor.matrix.nnz == matrix.nnz:
         order = last.factor.order
     sure = shift > _SURE
     factor = factorise(matrix, order, single=sure)

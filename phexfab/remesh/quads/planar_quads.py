@@ -17,8 +17,9 @@ from phexfab.linalg import factorise
 from phexfab.mesh.measures import mean_edge, planarity, simple_faces
 from phexfab.mesh.polymesh import PolyMesh
 from phexfab.parallel.classify import circularity, conicality
+from phexfab.remesh.conjugate.base import base_curves, even
 from phexfab.remesh.conjugate.fields import Family, principal_family
-from phexfab.remesh.conjugate.net import base_curves, conjugate_net, even
+from phexfab.remesh.conjugate.net import conjugate_net
 from phexfab.remesh.planarity.hold import BorderCurve, Hold
 from phexfab.remesh.planarity.nearest import FreeformReference, Reference, as_reference
 from phexfab.remesh.quads.rows import QuadRows

@@ -29,6 +29,8 @@ CIRCLE = np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)
 CIRCLE_BY_CELL = 1.6  # radius of the sampled circle, in half diagonals of the square
 TRUST = 1 / 1.28  # of the circle's radius: there the series has converged to rounding
 TAIL = 1e-11  # size of the last terms on the circle
+SPECK = 1e-12  # of the domain: radius of a chart that does not hold
+BLURRED = 1e-8  # what they may be where the quantity is not known any better
 UNIVALENT = 0.7  # |dτ/dt - 1| on the circle: w̃ is one-to-one inside
 
 
@@ -160,8 +162,10 @@ def build_atlas(quantity: Quantity, domain: Disc, places: ComplexArray, orders: 
 def _zero_charts(
     quantity: Quantity, domain: Disc, centre: ComplexArray, orders: IntArray, scale: float
 ) -> tuple[ComplexArray, FloatArray, ComplexArray, FloatArray]:
+    # A chart that holds nowhere, as beside noise, is its centre only: a speck on which τ = t.
     series = np.zeros((len(centre), TERMS), complex)
-    trust = np.zeros(len(centre))
+    series[:, 0] = 1.0
+    trust = np.full(len(centre), SPECK * domain.radius)
     for k in range(len(centre)):
         others = np.abs(np.delete(centre, k) - centre[k])
         radius = min(2.2 * domain.radius, 0.9 * others.min(initial=np.inf))
@@ -194,8 +198,12 @@ def _series(
         phase = np.angle(values[:, :1]) + np.cumsum(turns, axis=1) - turns
         root = np.sqrt(np.abs(values)) * np.exp(0.5j * phase)
         r = np.fft.fft(root, axis=1) / SAMPLES
-        tail = np.abs(r[:, TERMS:]).max(1) / np.abs(r[:, 0])
-        good &= tail <= np.maximum(TAIL, np.minimum(noise, 1e-8))
+        size = np.abs(r) / np.abs(r[:, :1])
+        # An analytic function has no negative powers: what they hold is noise, or the seam between
+        # two formulas that agree no better. No smaller square would have less of it.
+        noise = np.maximum(noise, 4 * size[:, -SAMPLES // 4 :].max(1))
+        allowed = np.maximum(TAIL, np.minimum(noise, BLURRED))
+        good &= size[:, TERMS:].max(1) <= allowed
         # w̃ = t^p Σ r_k t^k / (k + p) = (t S)^p
         p = 0.5 * (orders + 2.0)[:, None]
         k = np.arange(TERMS)
@@ -214,5 +222,5 @@ def _series(
         good &= np.abs(slope / coefficients[:, :1] - 1).max(1) <= UNIVALENT
         good &= np.abs(np.angle(whole / scaled[:, :1])).max(1) < 1.2
         tail = np.abs(coefficients[:, TERMS:]).max(1) / np.abs(coefficients[:, 0])
-        good &= tail <= np.maximum(TAIL, np.minimum(noise, 1e-8))
+        good &= tail <= allowed
     return np.nan_to_num(coefficients[:, :TERMS]) * TRUST**k, good

@@ -99,6 +99,7 @@ def seamless(
     kind: str = "face",
     core: Disc | None = None,
     found: Umbilics | None = None,
+    bend: ArrayLike = (),
 ) -> Seamless:
     """Return the lattice coordinate of a domain in which all umbilics are lattice points.
 
@@ -124,6 +125,10 @@ def seamless(
         The part of the domain whose panels count for the median size; all of it by default.
     found : Umbilics, optional
         Those of the domain, where they are known already.
+    bend : (k,) complex
+        First coefficients of a correction to start from (see ``basis``): among all that meet the
+        umbilics the one nearest to it is taken, so that the lattice comes to lie a little
+        otherwise.
 
     Raises
     ------
@@ -150,12 +155,13 @@ def seamless(
         area = np.exp(2 * (problem.log_size + problem.log_root))
         turn = evenness * ROOM * limit
         wished = even_out(domain, problem.grid, problem.log_size, area, turn)
+    start = np.zeros_like(wished)
+    start[: np.size(bend)] = bend
     shares = (1.0, 0.6, 0.0) if evenness > 0 else (0.0,)
     solved = None
     for share in shares:
-        solved = _solved(
-            problem, np.asarray(share * wished), panel_size, row_ratio, rows_along, kind
-        )
+        nearest = np.asarray(start + share * wished, complex)
+        solved = _solved(problem, nearest, panel_size, row_ratio, rows_along, kind)
         if solved is not None:
             break
     if solved is None:

@@ -97,7 +97,7 @@ def parallel_mesh_on(
     given = shell_of_mesh(start, border="panels") if isinstance(start, PolyMesh) else start
     if not len(given.panels):
         raise MeshError("the given mesh has no face with neighbours all around, so no panel")
-    support = SupportFunction.of(surface, mesh=mesh)
+    support = SupportFunction.of(surface, mesh=mesh, method="the way by parallel meshes")
     faces = np.arange(len(given.normals))
     if drop:
         given, faces = _without(given, ~support.find(given.normals)[1])

@@ -127,9 +127,9 @@ def require_no_parabolic_point(patch: Patch, method: str) -> int:
     if not value > PARABOLIC * size:
         how = "changes its sign" if value < -PARABOLIC * size else "vanishes"
         raise SurfaceError(
-            f"{patch.surface.name}: K {how} near {place.round(3).tolist()} mm; {method} cannot "
-            "cross parabolic points: take a part of the surface with K > 0 or K < 0 throughout, "
-            "or a method that crosses them (conjugate curves, Dupin duality)"
+            f"{patch.surface.name}: K {how} near {(place.round(1) + 0.0).tolist()} mm; {method} "
+            "cannot cross parabolic points: take a part of the surface with K > 0 or K < 0 "
+            'throughout, or a method that crosses them, "dupin" or "conjugate"'
         )
     return sign
 

@@ -283,7 +283,8 @@ def ellipsoid_of(surface: FreeformSurface, tolerance: float = 1e-8) -> Ellipsoid
     """
     if surface.domain is None:
         raise SurfaceError(
-            f"{surface.name}: give a parametric surface, or the EllipsoidFrame itself"
+            f"{surface.name}: a mesh or an implicit surface is no ellipsoid to rounding, which the "
+            "power diagram method needs; give a parametric surface, or the EllipsoidFrame itself"
         )
     points = sample_patch(surface).points
     middle = points.mean(axis=0)
@@ -303,10 +304,11 @@ def ellipsoid_of(surface: FreeformSurface, tolerance: float = 1e-8) -> Ellipsoid
             "diagram method reaches ellipsoids only; use another method"
         )
     values, vectors = np.linalg.eigh(form)
-    if not (values * np.sign(values.sum())).min() > 1e-9 * np.abs(values).max():
+    largest = float(np.abs(values).max())
+    if not (values * np.sign(values.sum())).min() > 1e-9 * largest:
         raise SurfaceError(
             f"{surface.name} is a quadric but no ellipsoid (its form has eigenvalues "
-            f"{(values / np.abs(values).max()).round(4).tolist()}): the power diagram method "
+            f"{(values / max(largest, 1e-300)).round(4).tolist()}): the power diagram method "
             "reaches ellipsoids only; use another method"
         )
     centre = -0.5 * np.linalg.solve(form, q[6:9])

@@ -123,8 +123,16 @@ class SupportFunction:
     patch: Patch
 
     @classmethod
-    def of(cls, surface: FreeformSurface, *, mesh: PolyMesh | None = None) -> SupportFunction:
+    def of(
+        cls,
+        surface: FreeformSurface,
+        *,
+        mesh: PolyMesh | None = None,
+        method: str = "the support function",
+    ) -> SupportFunction:
         """Return the support function of a surface with K > 0 or K < 0.
+
+        ``method`` is what messages say that needs it.
 
         Raises
         ------
@@ -132,7 +140,7 @@ class SupportFunction:
             If the patch has parabolic points, where h has several branches.
         """
         patch = sample_patch(surface, mesh=mesh)
-        require_no_parabolic_point(patch, "the support function")
+        require_no_parabolic_point(patch, method)
         return cls(patch)
 
     @cached_property

@@ -23,6 +23,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 IDEAL = np.sqrt(3.0)
+HOLD = 0.15
 CROWDED, STRETCHED = 0.4, 2.5  # bounds of an edge along a row, over the step
 
 
@@ -42,7 +43,9 @@ class Layering:
     follow : Directions or None
         Row directions that the layers follow; None lets rows go as they come.
     hold : float
-        Weight of the wish for ideal heights against an even or prescribed next row.
+        Weight of the wish for ideal heights against an even or prescribed next row. With 1 rows
+        follow the heights, and tear where those differ: ideal ones are low in hyperbolic regions
+        and high in elliptic ones.
     """
 
     step: float
@@ -50,7 +53,7 @@ class Layering:
     high: float = 1.8
     margin: float = 1.2
     follow: Directions | None = None
-    hold: float = 0.15
+    hold: float = HOLD
 
 
 def next_rows(surface: FreeformSurface, row: Row, side: int, how: Layering) -> list[Row]:
@@ -155,7 +158,6 @@ def _solved(
     if how.follow is None:
         left, right = -np.ones(len(one)), np.ones(len(one))
         fixed = np.zeros(len(one))
-        hold = 1.0
     else:
         u = surface.nearest(middle + height[:, None] * line, um)
         x = surface.point(u)
@@ -169,13 +171,12 @@ def _solved(
         base = x - height[:, None] * line
         left, right = -(across * line[one]).sum(1), (across * line[two]).sum(1)
         fixed = -(across * (base[two] - base[one])).sum(1)
-        hold = how.hold
     rows = np.concatenate([np.arange(len(one))] * 2)
     matrix = sp.csr_array(
         (np.concatenate([left, right]), (rows, np.concatenate([one, two]))), shape=(len(one), n)
     )
-    normal_matrix = sp.csc_matrix(matrix.T @ matrix + hold**2 * sp.eye_array(n))
-    return np.asarray(spsolve(normal_matrix, matrix.T @ fixed + hold**2 * target))
+    normal_matrix = sp.csc_matrix(matrix.T @ matrix + how.hold**2 * sp.eye_array(n))
+    return np.asarray(spsolve(normal_matrix, matrix.T @ fixed + how.hold**2 * target))
 
 
 def _runs(good: BoolArray, closed: bool) -> list[IntArray]:

@@ -16,7 +16,7 @@ from phexfab.errors import LatticeError
 from phexfab.remesh.dupin.duality import validity
 from phexfab.remesh.triangulations.crowd import Crowd
 from phexfab.remesh.triangulations.fields import Directions, smooth_rows
-from phexfab.remesh.triangulations.march import Layering, extended, kept, next_rows
+from phexfab.remesh.triangulations.march import HOLD, Layering, extended, kept, next_rows
 from phexfab.remesh.triangulations.seed import Row, first_row
 from phexfab.surface.freeform.surface import FreeformSurface
 
@@ -74,6 +74,7 @@ def progressive_conjugation(
     rows: Directions | None = None,
     layers: tuple[int, int] | None = None,
     bounds: tuple[float, float] = (0.55, 1.8),
+    hold: float = HOLD,
     fronts: int = FRONTS,
 ) -> Triangulation:
     """Triangulate by progressive conjugation: ideal triangles, whatever rows they make.
@@ -91,6 +92,9 @@ def progressive_conjugation(
         How many layers to build; to the border without it.
     bounds : (low, high)
         Heights of triangles, over those of equilateral ones on their edge.
+    hold : float
+        Weight of the wish for ideal heights against even layers. With 1 triangles are as ideal as
+        may be, and rows tear sooner where curvature varies along them.
     fronts : int
         How many may begin, each in the midst of the widest part that those before left bare: where
         layers converge, or beside a singularity of the row field. With 1 the mesh is in one piece,
@@ -105,7 +109,7 @@ def progressive_conjugation(
     ----------
     Thesis §5.1.4; Wang et al. 2008, "Hexagonal meshes with planar faces".
     """
-    how = Layering(_checked(step), *bounds)
+    how = Layering(_checked(step), *bounds, hold=hold)
     field = rows or smooth_rows(surface)
     return _triangulated(surface, how, field, start, layers, fronts)
 
@@ -118,7 +122,7 @@ def prespecified_conjugation(
     start: ArrayLike | None = None,
     layers: tuple[int, int] | None = None,
     bounds: tuple[float, float] = (0.55, 1.8),
-    hold: float = 0.15,
+    hold: float = HOLD,
     fronts: int = FRONTS,
 ) -> Triangulation:
     """Triangulate by pre-specified conjugation: rows follow a field, layers their conjugates.

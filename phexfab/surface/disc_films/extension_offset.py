@@ -91,7 +91,9 @@ def _along(
         new = (wanted >= length[low]) & (wanted <= length[high])
         part = slice(low, high + 1)
         keep = np.append(True, np.diff(length[part]) > 1e-12 * length[-1])
-        found[new] = PchipInterpolator(length[part][keep], closed[part][keep])(wanted[new])
+        at, values = length[part][keep], closed[part][keep]
+        # Samples crowd at corners, down to rounding: a side of them alone is a point.
+        found[new] = PchipInterpolator(at, values)(wanted[new]) if len(at) > 1 else values[0]
     return found
 
 

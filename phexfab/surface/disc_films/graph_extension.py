@@ -3,23 +3,20 @@
 In the coordinate u = (Φ₁ − iΦ₂)/2, with the third axis along the film's mean normal, the film is
 ∫ (1 − g², i(1 + g²), 2g) du: any holomorphic g gives a minimal surface, without branch points, and
 u is the plan nearly to scale, corners included. So to go on beyond the rim takes no second film but
-a smooth g over a larger domain that is the given one inside: a polynomial, fitted to the boundary
-values of g, with as little curvature as possible on the new border. At corners, where a film has in
-general no continuation, the fit is off by the reported distance.
-
-References
-----------
-P. D. Brubeck, Y. Nakatsukasa, L. N. Trefethen, "Vandermonde with Arnoldi", SIAM Review 63 (2021).
+a smooth g over a larger domain that is the given one inside, fitted to the boundary values of g
+with as little curvature as possible on the new border (`graph_fit`). At corners, where a film has
+in general no continuation, the fit is off by the reported distance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phexfab.surface.disc_films.graph_fit import RAYS, BoundaryValues, pole_fit, polynomial_fit
 from phexfab.surface.disc_films.graph_patches import GraphCurve, graph_curve
 from phexfab.surface.disc_films.null_series import NullBoundary, null_curve_surface
 from phexfab.surface.disc_films.plateau import DiscFilm
@@ -28,15 +25,15 @@ from phexfab.surface.holomorphic import ComplexArray
 from phexfab.surface.weierstrass import MinimalSurface
 
 FloatArray = NDArray[np.float64]
-Quantity = Callable[[ComplexArray], ComplexArray]
 
 STEEPEST = 0.9  # of |g|: the film's normals stay within 84 degrees of the mean
-FITS = ((48, 0.1), (48, 0.03), (48, 0.01))  # degree of g, and weight of its curvature
+DEGREE = 48
+FITS = (0.1, 0.03, 0.01)  # weights of the curvature of g
+POLE_FITS = (0.01, 0.003, 0.001)  # where no polynomial fits
 SOLVED = 4e-3  # distance from the rim, in margins, at which no further fit is tried
-RAYS = 1024  # directions in which the border is known
 DENSE = 8.0  # points of the rim per margin
 STAR = 1e-3  # of the rim's turning about the centre: more is no turning back
-GROWTH = 1e6  # of polynomials from the rim to the border: of higher ones rounding shows
+SPECK = 1e-5  # share of the rim of samples that do not tell how steep a film is: beside corners
 LEAST = 1e-12  # share of the rim of samples that are left out: corners, to rounding
 
 
@@ -86,9 +83,12 @@ def continued_over_plan(film: DiscFilm, margin: float, shares: FloatArray) -> Co
     size = film.surface.scale
     wanted = margin / size * np.interp(plan.angles, film.angles, shares, period=2 * np.pi)
     domain = _around(plan, wanted / (1 + np.abs(plan.gauss) ** 2))
+    given = BoundaryValues(plan.places, plan.steps, plan.gauss, plan.centre)
+    width = margin / size
+    polynomials = (polynomial_fit(given, domain, DEGREE, stiff * width**2) for stiff in FITS)
+    poles = (pole_fit(given, domain, width, stiff * width**2) for stiff in POLE_FITS)
     best: Continued | None = None
-    for degree, stiff in FITS:
-        gauss_map = _fitted(plan, domain, degree, stiff * (margin / size) ** 2)
+    for gauss_map in chain(polynomials, poles):
         if np.abs(gauss_map(domain.borders(RAYS)[0])).max() > 1.0:
             continue
         curve = graph_curve(gauss_map, domain, plan.frame)
@@ -122,7 +122,7 @@ def _plan(film: DiscFilm) -> Plan | None:
     form = phi[:, 0] - 1j * phi[:, 1]
     with np.errstate(all="ignore"):
         gauss = phi[:, 2] / form
-    if not np.abs(gauss).max() <= STEEPEST:
+    if not np.abs(gauss[size > SPECK * size.sum()]).max() <= STEEPEST:
         return None
     places, steps = 0.5 * (whole[:, 0] - 1j * whole[:, 1]), 0.5 * form * steps
     after = np.roll(places, -1)
@@ -159,53 +159,6 @@ def _around(plan: Plan, wanted: FloatArray) -> Star:
         hit = under >= 0
         reach[k] = (turned.real[hit] + np.sqrt(under[hit])).max(initial=0.0)
     return Star(plan.centre, reach=reach)
-
-
-class _Polynomials:
-    """Polynomials orthonormal on weighted places, and their values elsewhere."""
-
-    def __init__(self, places: ComplexArray, weights: FloatArray, degree: int) -> None:
-        basis = np.empty((len(places), degree + 1), complex)
-        self.rule = np.zeros((degree + 1, degree), complex)
-        self.first = 1 / np.linalg.norm(weights)
-        basis[:, 0] = weights * self.first
-        for k in range(degree):
-            column = places * basis[:, k]
-            for _ in range(2):  # twice is enough
-                share = basis[:, : k + 1].conj().T @ column
-                column -= basis[:, : k + 1] @ share
-                self.rule[: k + 1, k] += share
-            self.rule[k + 1, k] = np.linalg.norm(column)
-            basis[:, k + 1] = column / self.rule[k + 1, k].real
-        self.weighted = basis
-
-    def at(self, z: ComplexArray, order: int = 0) -> ComplexArray:
-        """Return a derivative of all polynomials at places (n,), (n, degree + 1)."""
-        degree = self.rule.shape[1]
-        table = np.zeros((order + 1, degree + 1, len(z)), complex)
-        table[0, 0] = self.first
-        for k in range(degree):
-            for d in range(order + 1):
-                fresh = z * table[d, k] - self.rule[: k + 1, k] @ table[d, : k + 1]
-                table[d, k + 1] = (fresh + d * table[d - 1, k]) / self.rule[k + 1, k]
-        return table[order].T
-
-
-def _fitted(plan: Plan, domain: Star, degree: int, stiff: float) -> Quantity:
-    """Return the polynomial g nearest to the film's, with little g'' on the domain's border."""
-    weights = np.sqrt(np.abs(plan.steps))
-    border = domain.borders(RAYS)[0]
-    system = _Polynomials(plan.places - plan.centre, weights, degree)
-    growth = np.abs(system.at(border - plan.centre)).max(0) / system.first
-    if growth[-1] > GROWTH:
-        degree = int(np.argmax(growth > GROWTH)) - 1
-        system = _Polynomials(plan.places - plan.centre, weights, degree)
-    along = np.sqrt(np.abs(np.roll(border, -1) - border))
-    bend = stiff * along[:, None] * system.at(border - plan.centre, 2)
-    rows = np.vstack([system.weighted, bend])
-    right = np.concatenate([weights * plan.gauss, np.zeros(len(border))])
-    found = np.linalg.lstsq(rows, right, rcond=None)[0]
-    return lambda z: np.asarray(system.at(z - plan.centre) @ found)
 
 
 def _placed(film: DiscFilm, plan: Plan, domain: Star, curve: GraphCurve) -> Continued:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import breadth_first_order
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from phexfab.surface.domain import Disc
 from phexfab.surface.holomorphic import ComplexArray
@@ -26,6 +26,8 @@ TERMS, SAMPLES = 28, 64
 CIRCLE = np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)
 WIDE = 1.6  # radius of the sampled circle in half diagonals of the square
 TAIL = 1e-13  # of the terms left out, on the circle: 1e-5 of that in the square
+ROUNDED = 1e-10  # what they may be where g is not known any better
+STEEPEST = 1.0  # |g| that counts: on circles far beyond the domain it may be much more
 DEEPEST = 10  # patches are half as wide that often at most
 BLOCK = 1 << 14  # places evaluated at once
 
@@ -125,9 +127,11 @@ def graph_curve(
         g = gauss_map((middle[:, None] + radius * CIRCLE).ravel()).reshape(-1, SAMPLES)
         both = np.fft.fft(np.stack([g, g * g], -1), axis=1) / SAMPLES
         size = np.abs(both)
-        good = (size[:, TERMS:].max((1, 2)) <= TAIL * np.maximum(size.max((1, 2)), 1e-6)) & (
-            np.isfinite(g).all(1)
-        )
+        # Negative powers, which g has not, tell its rounding: no smaller square has less of it.
+        noise = 4 * size[:, -SAMPLES // 4 :].max((1, 2))
+        most = np.clip(size.max((1, 2)), 1e-6, STEEPEST)
+        allowed = np.maximum(TAIL * most, np.minimum(noise, ROUNDED * most))
+        good = (size[:, TERMS:].max((1, 2)) <= allowed) & np.isfinite(g).all(1)
         integrals = both[good, :TERMS] / np.arange(1, TERMS + 1)[:, None]
         tables.append(np.concatenate([both[good, :TERMS, :1], integrals], -1))
         mine = np.full(len(middle), -1)
@@ -156,7 +160,16 @@ def graph_curve(
 def _joined(curve: GraphCurve) -> GraphCurve:
     """Return the curve with constants such that its integrals agree where patches meet."""
     one, two, at = curve.squares.contacts(curve.domain)
+    # Squares that reach into the domain at a tip only meet others outside: they are joined there.
+    everywhere = Disc(curve.domain.centre, 2 * curve.domain.radius)
+    others = curve.squares.contacts(everywhere)
     count = len(curve.centre)
+    pair = np.minimum(one, two) * count + np.maximum(one, two)
+    fresh = ~np.isin(np.minimum(*others[:2]) * count + np.maximum(*others[:2]), pair)
+    weight = np.repeat([1.0, 2.0], [len(one), int(fresh.sum())])
+    one, two, at = (
+        np.concatenate([a, b[fresh]]) for a, b in zip((one, two, at), others, strict=True)
+    )
 
     def integrals(patch: IntArray) -> ComplexArray:
         x = (at - curve.centre[patch]) / curve.radius[patch]
@@ -169,7 +182,8 @@ def _joined(curve: GraphCurve) -> GraphCurve:
     step = integrals(one) - integrals(two)  # start of two − start of one
     edge = np.arange(1, len(at) + 1)
     graph = coo_matrix((edge, (one, two)), shape=(count, count)).tocsr()
-    order, parent = breadth_first_order(graph, 0, directed=False)
+    cost = coo_matrix((weight, (one, two)), shape=(count, count))
+    order, parent = breadth_first_order(minimum_spanning_tree(cost), 0, directed=False)
     start = np.zeros((count, 2), complex)
     both = (graph - graph.T).tocsr()
     for patch in order[1:]:

@@ -10,7 +10,7 @@ as accurate up to the circle as the trapezoid rule in σ. With φ = Φ',
 
     f = φ₁ − iφ₂ = −φ₃²/(φ₁ + iφ₂),   g = φ₃/(φ₁ − iφ₂) = −(φ₁ + iφ₂)/φ₃,
 
-of which the better conditioned form is taken, so that a pole of g does no harm.
+of which the second form is taken about the poles of g, so that they do no harm.
 
 References
 ----------
@@ -31,6 +31,7 @@ from phexfab.surface.weierstrass import MinimalSurface
 
 FloatArray = NDArray[np.float64]
 
+STEEPEST = 10.0  # of |g|, up to which one formula is used
 BLOCK = 16  # powers of z kept at once
 CHUNK = 4096  # points evaluated at once
 NOISE = 4e-16  # share of the largest coefficient below which coefficients are cut off
@@ -166,6 +167,15 @@ def _reciprocal(nodes: ComplexArray, z: ComplexArray) -> ComplexArray:
     return found
 
 
+def _is_lower(south: ComplexArray, north: ComplexArray) -> NDArray[np.bool_]:
+    """Return where quotients are formed with φ₁ − iφ₂, rather than with φ₁ + iφ₂.
+
+    On a curve that is null up to an error only, the two differ by it: a seam, which is put where
+    normals point well up, out of the way of all that lies over a plan or overhangs a little.
+    """
+    return np.abs(south) >= np.abs(north) / STEEPEST**2
+
+
 def null_curve_surface(
     curve: NullCurve, name: str, size: float, middle: FloatArray
 ) -> MinimalSurface:
@@ -201,20 +211,20 @@ def null_curve_surface(
 
     def gauss_map(z: ComplexArray) -> ComplexArray:
         south, north, third = split(at(z, 1)[0])
-        lower = np.abs(south) >= np.abs(north)
+        lower = _is_lower(south, north)
         top: ComplexArray = np.where(lower, third, -north)
         return top / np.where(lower, south, third)
 
     def gauss_map_derivative(z: ComplexArray) -> ComplexArray:
         phi, change = at(z, 1, 2)
         (south, north, third), (by_south, by_north, by_third) = split(phi), split(change)
-        lower = np.abs(south) >= np.abs(north)
+        lower = _is_lower(south, north)
         side, by_side = np.where(lower, south, north), np.where(lower, by_south, by_north)
         return (by_third * side - third * by_side) / np.where(lower, south, third) ** 2
 
     def form(z: ComplexArray) -> ComplexArray:
         south, north, third = split(at(z, 1)[0])
-        lower = np.abs(south) >= np.abs(north)
+        lower = _is_lower(south, north)
         turned: ComplexArray = -(third**2) / np.where(lower, 1.0, north)
         return np.where(lower, south, turned)
 

@@ -44,6 +44,9 @@ class ImplicitSurface:
         Points that cover the surface.
     side : 1 or -1
         The normal is ``side`` times the unit gradient.
+    jet : callable or None
+        (k, 3) points and 1 or 2 to the function, gradient and, to order 2, Hessian at once, where
+        that costs less.
     """
 
     name: str
@@ -56,6 +59,7 @@ class ImplicitSurface:
     start: Scalar | None = None
     sites: FloatArray | None = None
     side: int = 1
+    jet: Callable[[FloatArray, int], tuple[FloatArray, ...]] | None = None
 
     @property
     def domain(self) -> Domain | None:
@@ -96,18 +100,24 @@ class ImplicitSurface:
             "surface is reached along the gradient; start nearer"
         )
 
+    def _jet(self, x: FloatArray, order: int) -> tuple[FloatArray, ...]:
+        if self.jet is not None:
+            return self.jet(x, order)
+        return (self.function(x), self.gradient(x), *([self.hessian(x)] if order == 2 else []))
+
     def _drop(self, x: FloatArray) -> FloatArray:
-        g = self.gradient(x)
+        f, g = self._jet(x, 1)
         square = (g**2).sum(1)
         with np.errstate(all="ignore"):
-            return np.asarray(-(self.function(x) / square)[:, None] * g)
+            return np.asarray(-(f / square)[:, None] * g)
 
     def normal(self, u: ArrayLike) -> FloatArray:
         """Return the unit normals (..., 3) at ``point(u)``."""
-        return self._normal(self.point(u))
+        x = self.point(u)
+        return self._normal(x, self.gradient(x.reshape(-1, 3)).reshape(x.shape))
 
-    def _normal(self, x: FloatArray) -> FloatArray:
-        g = self.side * self.gradient(x.reshape(-1, 3)).reshape(x.shape)
+    def _normal(self, x: FloatArray, gradient: FloatArray) -> FloatArray:
+        g = self.side * gradient
         length = np.linalg.norm(g, axis=-1, keepdims=True)
         if not (length > 0).all():
             bad = x.reshape(-1, 3)[(length <= 0).ravel()][0]
@@ -122,10 +132,10 @@ class ImplicitSurface:
         With F(x + t + z n) = 0 the height over the tangent plane is −t·H·t / (2 |∇F|).
         """
         x = self.point(u)
-        normals = self._normal(x)
-        flat = x.reshape(-1, 3)
-        hessian = self.hessian(flat).reshape(*x.shape[:-1], 3, 3)
-        scale = -self.side / np.linalg.norm(self.gradient(flat), axis=-1).reshape(x.shape[:-1])
+        _, slope, second = self._jet(x.reshape(-1, 3), 2)
+        gradient, hessian = slope.reshape(x.shape), second.reshape(*x.shape[:-1], 3, 3)
+        normals = self._normal(x, gradient)
+        scale = -self.side / np.linalg.norm(gradient, axis=-1)
         e1, e2 = frame(normals)
         he1 = np.einsum("...ij,...j->...i", hessian, e1)
         he2 = np.einsum("...ij,...j->...i", hessian, e2)
@@ -214,22 +224,20 @@ class ImplicitSurface:
         )
 
     def _step(self, target: FloatArray, x: FloatArray) -> FloatArray:
-        g = self.gradient(x)
+        f, g, hessian = self._jet(x, 2)
         square = (g**2).sum(1)
         normal = g / np.sqrt(square)[:, None]
         gap = x - target
         multiplier = -(gap * g).sum(1) / square
         e1, e2 = frame(normal)
         basis = np.stack([e1, e2], axis=1)
-        bend = np.einsum("kai,kij,kbj->kab", basis, self.hessian(x), basis)
+        bend = np.einsum("kai,kij,kbj->kab", basis, hessian, basis)
         matrix = np.eye(2) + multiplier[:, None, None] * bend
         good = (matrix[:, 0, 0] > 0) & (np.linalg.det(matrix) > 1e-2)
         matrix = np.where(good[:, None, None], matrix, np.eye(2))
         slope = np.einsum("kai,ki->ka", basis, gap)
         along = -np.linalg.solve(matrix, slope[..., None])[..., 0]
-        return np.asarray(
-            np.einsum("ka,kai->ki", along, basis) - (self.function(x) / square)[:, None] * g
-        )
+        return np.asarray(np.einsum("ka,kai->ki", along, basis) - (f / square)[:, None] * g)
 
 
 def frame(normals: FloatArray) -> tuple[FloatArray, FloatArray]:

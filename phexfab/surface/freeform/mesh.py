@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import perm
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -154,7 +155,7 @@ def _height(coefficient: FloatArray, local: FloatArray, i: int, j: int) -> Float
     for k, (p, q) in enumerate(POWERS.tolist()):
         if p < i or q < j:
             continue
-        factor = float(np.prod([p - a for a in range(i)]) * np.prod([q - b for b in range(j)]))
+        factor = float(perm(p, i) * perm(q, j))
         out += factor * coefficient[..., k] * (xs[p - i] * ys[q - j])
     return out
 
@@ -257,5 +258,6 @@ def mesh_surface(mesh: PolyMesh, *, name: str = "mesh") -> ImplicitSurface:
         within=blend.within,
         start=lambda x: np.asarray(points[blend.tree.query(x)[1]]),
         sites=points,
+        jet=blend.jet,
     )
     return surface

@@ -62,7 +62,8 @@ MIDDLE = np.sqrt(np.sqrt(3) - np.sqrt(2)) * np.exp(1j * np.pi / 3 * np.arange(6)
 def _check(name: str) -> str:
     if name not in PERIODIC:
         raise SurfaceError(
-            f"there is no periodic surface {name!r}; choose one of {', '.join(PERIODIC)}"
+            f"surface.periodic: there is no periodic surface {name!r}; choose one of "
+            f"{', '.join(PERIODIC)}"
         )
     return name
 

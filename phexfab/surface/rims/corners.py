@@ -20,9 +20,9 @@ FloatArray = NDArray[np.float64]
 
 CORNER_ANGLE = 20.0  # degrees by which a tangent turns at a corner, at least
 OUTSTANDING = 3.0  # a turn between points is a corner if so much greater than its neighbours'
-ROOM = 0.499  # share of a side that one rounding may take
+ROOM, ROOM_ALONE = 0.499, 0.9  # share of a side that a rounding may take, and the only one of it
 _DEGREE = 7
-_REACH = 7.0 / 3.0  # span of a blend per radius: its fourth control point is the corner
+FLAT = 1e-6  # half the turn in radians: less is none
 
 
 def corner_points(points: ArrayLike, angle: float = CORNER_ANGLE) -> NDArray[np.intp]:
@@ -98,15 +98,16 @@ def rounded_pieces(
         )
     sides = np.array(rim.sides())
     ends = rim.arc_length(sides)
+    cut = np.isin(np.arange(count), chosen)
     room = np.diff(ends, axis=1)[:, 0]
+    room *= np.where(cut & np.roll(cut, -1), ROOM, ROOM_ALONE)
     for k in chosen:
-        most = ROOM * min(room[k], room[k - 1])
+        most = min(room[k], room[k - 1])
         if radius > most:
             raise DesignError(
                 f"{rim.name}: a radius of {radius:g} mm does not fit at corner {k} "
                 f"{place(rim.point(rim.corners[k]))}; at most {most:.6g} mm"
             )
-    cut = np.isin(np.arange(count), chosen)
     starts = rim.at_length(ends[:, 0] + np.where(cut, radius, 0.0))
     stops = rim.at_length(ends[:, 1] - np.where(np.roll(cut, -1), radius, 0.0))
     starts = np.where(cut, starts, sides[:, 0])
@@ -118,7 +119,7 @@ def rounded_pieces(
         if cut[k]:
             before = float(stops[k - 1])
             pieces.append(_blend(rim, before, float(starts[k]), radius))
-            spans.append(_REACH * radius)
+            spans.append(_span(rim, before, float(starts[k]), radius))
         else:
             sharp.append(len(pieces))
         stretch = _stretch(rim, float(starts[k]), float(stops[k]))
@@ -141,8 +142,9 @@ def _stretch(rim: Rim, first: float, last: float) -> list[Piece]:
 
 def _blend(rim: Rim, before: float, after: float, radius: float) -> Piece:
     """The polynomial of degree 7 that continues both sides to third order."""
+    span = _span(rim, before, after, radius)
     controls = np.concatenate(
-        [_controls(rim, before, radius, 1.0), _controls(rim, after, radius, -1.0)[::-1]]
+        [_controls(rim, before, span, 1.0), _controls(rim, after, span, -1.0)[::-1]]
     )
 
     def values(s: FloatArray, order: int) -> FloatArray:
@@ -160,11 +162,22 @@ def _blend(rim: Rim, before: float, after: float, radius: float) -> Piece:
     return Piece(values)
 
 
-def _controls(rim: Rim, t: float, radius: float, sign: float) -> FloatArray:
+def _span(rim: Rim, before: float, after: float, radius: float) -> float:
+    """The length of the circular arc that leaves both sides at a distance ``radius`` (mm).
+
+    A blend that runs through it at the sides' speed is nearly that arc. Of all of the same ends it
+    bends least, and a film goes on the farther beyond a rim the less that bends.
+    """
+    ways = rim.derivative(np.array([before, after]))
+    half = 0.5 * np.radians(angles_between(ways[:1], ways[1:])[0])
+    return float(2.0 * radius * half / np.tan(half)) if half > FLAT else 2.0 * radius
+
+
+def _controls(rim: Rim, t: float, span: float, sign: float) -> FloatArray:
     """Four Bézier points (4, 3) that give derivatives 0 to 3 of a blend's end at t."""
     at = np.array([t])
     speed = float(np.linalg.norm(rim.derivative(at)))
-    unit = sign * _REACH * radius / speed  # span of t that the blend's parameter runs through
+    unit = sign * span / speed  # span of t that the blend's parameter runs through
     p0 = rim.point(at)[0]
     d1, d2, d3 = (rim.derivative(at, k)[0] * unit**k for k in (1, 2, 3))
     first = d1 / 7.0

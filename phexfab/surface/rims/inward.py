@@ -11,6 +11,8 @@ from phexfab.surface.rims.rim import Rim
 
 IntArray = NDArray[np.int64]
 
+SAMPLES = 2048  # places at which a rim's curvature is measured
+
 
 def inward_corners(rim: Rim, hole: bool = False) -> IntArray:
     """Return the numbers of a rim's corners at which the film has an angle of more than 180°.
@@ -33,6 +35,21 @@ def inward_corners(rim: Rim, hole: bool = False) -> IntArray:
     before, after = rim.derivative(rim.corners, before=True), rim.derivative(rim.corners)
     turn = np.cross(before, after) @ area
     return np.flatnonzero(turn > 0 if hole else turn < 0)
+
+
+def inward_radius(rim: Rim) -> float:
+    """Return the least radius, mm, with which an outer rim turns inwards: 0 at a sharp corner.
+
+    Seen along the rim's vector area; infinite where it nowhere turns inwards.
+    """
+    if len(inward_corners(rim)):
+        return 0.0
+    t, points = rim.samples(SAMPLES)
+    offset = points - points.mean(axis=0)
+    area = np.cross(offset, np.roll(offset, -1, axis=0)).sum(axis=0)
+    way, bend = rim.derivative(t, 1), rim.derivative(t, 2)
+    turn = np.cross(bend, way) @ (area / np.linalg.norm(area)) / np.linalg.norm(way, axis=1) ** 3
+    return float(1.0 / turn.max()) if turn.max() > 0 else float("inf")
 
 
 def rounded_inward(rims: Sequence[Rim], radius: float) -> tuple[Rim, ...]:

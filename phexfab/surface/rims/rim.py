@@ -311,14 +311,15 @@ class Rim:
         """Return the rim with corners rounded within an arc length ``radius`` (mm) of each.
 
         A blend of degree 7 takes position, tangent, curvature and its rate of change from both
-        sides. Between straight sides that turn by θ it passes the corner at a distance of
-        0.198 · radius · sin(θ/2) and lies between the corner and the chord; outside the radius
-        nothing changes.
+        sides, and follows the circular arc between them closely, which bends least. Between
+        straight sides that turn by θ it passes the corner at a distance of
+        radius · sin(θ/2) · (1 − 11/32 · θ / tan(θ/2)), 0.33 · radius at right angles, and lies
+        between the corner and the chord; outside the radius nothing changes.
 
         Parameters
         ----------
         radius
-            At most 0.499 of the shorter side at each corner.
+            At most 0.499 of a side of which both ends are rounded, 0.9 of one with a sharp end.
         which
             Numbers of the corners to round (places in ``corners``); all by default.
 

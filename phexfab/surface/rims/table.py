@@ -72,6 +72,8 @@ def read_rim_csv(
     file = Path(path)
     try:
         text = file.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise DesignError(f"{file}: there is no such file; check the path") from None
     except (OSError, UnicodeDecodeError) as error:
         raise DesignError(f"{file}: cannot be read as text: {error}") from error
     blocks, separator = _blocks(text)
