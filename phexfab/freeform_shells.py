@@ -148,11 +148,6 @@ def _place(under: Coverage) -> str:
     return "[" + ", ".join(f"{x:.4g}" for x in under.gaps[0].place) + "]"
 
 
-def surface_of(design: Design) -> FreeformSurface:
-    """Return the free-form surface that ``surface.step`` or ``surface.mesh`` names."""
-    return _patch(design).surface
-
-
 def _distances(surface: FreeformSurface, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far points (n, 3) are from a surface, and over its border in the tangent planes.
 
