@@ -119,8 +119,7 @@ def ended(design: Design, film: Film, whole: Shell, knife: Knife = FIRST) -> End
     if design.border.panels == "whole":
         return Ending(shell, off, figures)
     beam = None if design.beams.kind == "none" else beam_spec(design)
-    limits = Limits(**design.checks.limits())
-    lacks = rim_lacks(shell, limits, panel_spec(design), beam, depth_of(design), off)
+    lacks = rim_lacks(shell, limits_of(design), panel_spec(design), beam, depth_of(design), off)
     return Ending(shell, off, figures, lacks)
 
 
@@ -146,6 +145,11 @@ def require_room(design: Design, shell: Shell) -> None:
             f"the rim leaves a panel at {place(spot)} that is too small for a gap of "
             f"{gap:g} mm; {remedy}, or a smaller panels.gap"
         )
+
+
+def limits_of(design: Design) -> Limits:
+    """Return what checks are held against."""
+    return Limits(**design.checks.limits())
 
 
 def panel_spec(design: Design) -> PanelSpec:
@@ -218,7 +222,7 @@ def depth_of(design: Design) -> tuple[float, float]:
 
 def _shortest_edge(design: Design) -> float:
     """The shortest edge to leave at the rim, mm: something of every beam, and of every panel."""
-    least = [Limits(**design.checks.limits()).shortest_edge, 2.0 * design.panels.gap]
+    least = [limits_of(design).shortest_edge, 2.0 * design.panels.gap]
     if design.nodes.kind == "hub":
         least.append(2.0 * (design.nodes.radius + design.nodes.clearance) + 40.0)
     return max(least)

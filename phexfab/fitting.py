@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phexfab.design import Design
-from phexfab.ending import FIRST, Ending, Knife, ended
+from phexfab.ending import FIRST, Ending, Knife, ended, limits_of
 from phexfab.errors import LatticeError, MeshError, SolveError, SurfaceError
-from phexfab.fabrication.checks import Limits
 from phexfab.fabrication.rim_fit import lack_cost
 from phexfab.films import Film
 from phexfab.minimal.shell import solved_shell
@@ -160,7 +159,7 @@ def _recut(
     design: Design, film: Film, whole: Shell, first: Ending, most: int | None, budget: _Budget
 ) -> Iterator[tuple[Knife, Ending]]:
     """Yield other cuts of a shell, those first that mend what the first one misses."""
-    limit, asked = Limits(**design.checks.limits()).rim_distance, design.border
+    limit, asked = limits_of(design).rim_distance, design.border
     near, nearer = (
         Knife(sagitta=None if asked.sagitta is not None else share * limit)
         for share in (CHORD, CLOSER)

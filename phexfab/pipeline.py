@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phexfab.design import Design, load_design
-from phexfab.ending import beam_spec, node_spec, panel_spec
+from phexfab.ending import beam_spec, limits_of, node_spec, panel_spec
 from phexfab.fabrication.bars import BeamSpec, beam_drop, down
 from phexfab.fabrication.beams import beams
-from phexfab.fabrication.checks import Limits, check_geometry, check_parts
+from phexfab.fabrication.checks import check_geometry, check_parts
 from phexfab.fabrication.limits import Origin
 from phexfab.fabrication.nodes import NodeSpec, nodes
 from phexfab.fabrication.panels import PanelSpec, panels
@@ -226,7 +226,7 @@ def build(
     say("parts", 0, 0)
     parts = _parts(asked, shell)
     say("checks", 0, 0)
-    limits = Limits(**asked.checks.limits())
+    limits = limits_of(asked)
     origin = _origin(asked)
     deviation = formed.deviation
     if isinstance(formed.surface, MinimalSurface):
